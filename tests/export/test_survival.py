@@ -221,6 +221,9 @@ def test_usd_has_polygons_subsets_and_materials(drawn: AuthoredMesh, tmp_path: P
     file = picture.GetInput("file").Get().path
     assert file == "./walk_vest_cloth_1.png"
     assert (tmp_path / file).read_bytes() == (tmp_path / "in" / "cloth 1.png").read_bytes()
+    assert [picture.GetInput(name).Get() for name in ("wrapS", "wrapT")] == ["repeat", "repeat"]
+    reader = UsdShade.Shader(picture.GetInput("st").GetConnectedSource()[0].GetPrim())
+    assert reader.GetInput("varname").Get() == "st"
 
 
 def test_alembic_has_polygons(drawn: AuthoredMesh, tmp_path: Path) -> None:

@@ -79,6 +79,19 @@ def test_the_zero_pose_is_the_t_pose_with_straight_legs(tmp_path: Path, arms_dow
     torch.testing.assert_close(spine, torch.eye(3).expand_as(spine))
 
 
+def test_hands_without_fingers_go_on_as_their_forearms(tmp_path: Path, body: Body) -> None:
+    """The rest poses differ: arms of the clip point sideways, those of the body down."""
+    joints = performer()
+    fingers = {joint for role, joint in joint_roles(body.skeleton.names).items() if role.endswith("fingers")}
+    names = tuple(f"part {n}" if n in fingers else name for n, name in enumerate(body.skeleton.names))
+    stump = replace(body, skeleton=replace(body.skeleton, names=names))
+    result = retarget(clip_of(tmp_path, joints, still(joints)), stump)
+    for side in ("Left", "Right"):
+        forearm, hand = (result.rotations[:, names.index(side + part)] for part in ("ForeArm", "Hand"))
+        torch.testing.assert_close(hand, forearm, atol=1e-5, rtol=0)
+        assert (forearm - torch.eye(3)).abs().max() > 0.2
+
+
 def test_turning_the_thighs_in_stands_straight_on_flat_feet(tmp_path: Path, body: Body) -> None:
     joints = performer()
     values = still(joints)

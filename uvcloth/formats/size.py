@@ -48,8 +48,8 @@ def _stated(path: Path) -> tuple[int, int]:
         head = stream.read(HEAD)
     match path.suffix.lower():
         case ".ply":
-            found = dict(re.findall(rb"^element (vertex|face) (\d{1,18})", head, re.MULTILINE))
-            return int(found.get(b"vertex", 0)), int(found.get(b"face", 0))
+            stated = dict(re.findall(rb"^element (vertex|face) (\d{1,18})", head, re.MULTILINE))
+            return int(stated.get(b"vertex", 0)), int(stated.get(b"face", 0))
         case ".off":
             counts = re.match(rb"\s*OFF(?:\s|#[^\n]*\n)+(\d{1,18})\s+(\d{1,18})\s", head)
             return (int(counts[1]), int(counts[2])) if counts else (0, 0)

@@ -65,8 +65,6 @@ def retarget(clip: Clip, body: Body, fps: float = 30.0, roles: Mapping[str, int]
     rotations, bones = _relative_to_t_pose(clip, source)
     rest_bones = bone_directions(body.skeleton.heads, target)
     align = {role: smallest_rotation(rest_bones[role], bones[role]) for role in rest_bones}
-    for side in ("left", "right"):
-        align.setdefault(f"{side}_hand", align[f"{side}_forearm"])
 
     role_of = {joint: role for role, joint in target.items() if role in source}
     turned: list[Tensor] = []
