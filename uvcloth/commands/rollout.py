@@ -17,6 +17,7 @@ from uvcloth.commands.options import (
     Fabrics,
     FromBody,
     GarmentPose,
+    Holds,
     Host,
     Models,
     MotionFile,
@@ -85,6 +86,7 @@ class Rollout:
     ] = ()
     """Template that a PhysXNet predicts a garment as: one for all, or one for each in order."""
     tuck: Tucks = ()
+    hold: Holds = ()
     garment_pose: GarmentPose = None
     from_body: FromBody = None
     fabric: Fabrics = ()
