@@ -72,9 +72,9 @@ def holding_band(garment: Garment, body: Body) -> Band:
     if not garment.holds or "top" in garment.holds:
         held |= _top(garment, body)
     if garment.holds:
-        found = places(mesh, body)
+        masks = places(mesh, body)
         for place in garment.holds:
-            held |= found.get(place, held)
+            held |= masks.get(place, held)
     area = face_normals(mesh.vertices, mesh.faces).norm(dim=1)
     banded = float((area * held[mesh.faces].float().mean(1)).sum())
     on_shoulders = float(mesh.vertices[held][:, 2].mean()) > joint_of(body, "left_upper_arm")[2]

@@ -37,7 +37,7 @@ def places(mesh: Mesh, body: Body) -> Mapping[str, Tensor]:
     shoulder = joint_of(body, "left_upper_arm")
     hips, aside = float(joint_of(body, "hips")[2]), abs(float(shoulder[0]))
     trunk = float(shoulder[2]) - hips
-    found: dict[str, Tensor] = {}
+    masks: dict[str, Tensor] = {}
     for hem in hems(boundary_edges(weld(vertices)[mesh.faces])):
         x, _, z = vertices[hem].double().mean(0).tolist()
         share = (z - hips) / trunk
@@ -50,10 +50,10 @@ def places(mesh: Mesh, body: Body) -> Mapping[str, Tensor]:
             place = "waist"
         if place:
             nothing = torch.zeros(count, dtype=torch.bool)
-            found[place] = found.get(place, nothing) | hem_band(vertices, vertices[hem], BAND_WIDTH)
+            masks[place] = masks.get(place, nothing) | hem_band(vertices, vertices[hem], BAND_WIDTH)
     if (over := _on_shoulders(mesh, body, shoulder)).any():
-        found["shoulders"] = over
-    return found
+        masks["shoulders"] = over
+    return masks
 
 
 def hem_band(vertices: Tensor, hem: Tensor, width: float) -> Tensor:
