@@ -18,6 +18,7 @@ from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.errors import InputError
 from uvcloth.export.pictures import SHEETS, sheet_interval
+from uvcloth.export.shot import Shot
 from uvcloth.export.size import announce
 from uvcloth.export.writer import close_together, open_writer
 from uvcloth.garments.fit import Fitting
@@ -92,7 +93,15 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     with ExitStack() as stack:
         writers = [
             stack.enter_context(
-                open_writer(path, meshes, body, fps, transforms[::every].float(), command.preview)
+                open_writer(
+                    path,
+                    meshes,
+                    body,
+                    fps,
+                    transforms[::every].float(),
+                    command.preview,
+                    Shot.of(command.camera, command.size),
+                )
             )
             for path in out
         ]
