@@ -8,11 +8,14 @@ import OpenImageIO
 import pytest
 import torch
 
+from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation
 from uvcloth.export.pictures import COARSE_SHEET, COARSE_VIDEO, camera_path, sheet_moments
+from uvcloth.export.shot import CameraName
 from uvcloth.export.video import open_video
 from uvcloth.export.writer import open_writer
+from uvcloth.geometry.rotations import from_euler
 
 av = pytest.importorskip("av", reason="PyAV is not installed")
 
@@ -111,3 +114,29 @@ def test_without_pyav_a_video_is_refused_in_a_sentence(
     with pytest.raises(InputError, match=r"walk\.mp4: videos need PyAV: install uvcloth\[video\]"):
         open_writer(tmp_path / "walk.mp4", [], animation.body, 30.0, torch.from_numpy(animation.transforms))
     assert not list(tmp_path.iterdir())
+
+
+def test_cameras_stand_around_the_body_as_it_faces_and_follow_its_turn(body: Body) -> None:
+    """The body turns by 90 degrees to its left on the spot, from a first facing of 40 degrees."""
+    angles = torch.deg2rad(torch.linspace(40.0, 130.0, 90))
+    turns = from_euler("z", angles[:, None]).float()
+    transforms = torch.cat([turns, torch.zeros(90, 3, 1)], dim=2)[:, None].expand(
+        -1, len(body.skeleton.names), -1, -1
+    )
+    seen = {}
+    shots: tuple[tuple[CameraName, float], ...] = (
+        ("front", 0.0),
+        ("side", 90.0),
+        ("back", 180.0),
+        ("close", 30.0),
+        ("follow", 30.0),
+    )
+    for name, aside in shots:
+        cameras = camera_path(body, transforms, 30.0, 0.75, name)
+        ways = torch.tensor([camera.eye for camera in cameras]) - torch.tensor([c.target for c in cameras])
+        around = torch.rad2deg(torch.atan2(ways[:, 0], -ways[:, 1])) % 360
+        last = 130.0 if name == "follow" else 40.0
+        assert float(around[0]) == pytest.approx(40.0 + aside, abs=6)
+        assert float(around[-1]) == pytest.approx(last + aside, abs=6)
+        seen[name] = float(ways[0].norm())
+    assert seen["close"] < 0.8 * seen["follow"]

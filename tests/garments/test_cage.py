@@ -5,8 +5,8 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.garments.band import hems
 from uvcloth.garments.cage import AROUND, QUALITIES, Cage, make_cage
+from uvcloth.garments.places import hems
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges, edge_lengths, face_normals, unique_edges, weld
 

@@ -6,8 +6,8 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
-from uvcloth.garments.band import hems
 from uvcloth.garments.garment import Garment
+from uvcloth.garments.places import hems
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges, weld
 from uvcloth.physics.obstacle import Obstacle, Skin

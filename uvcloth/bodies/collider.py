@@ -51,6 +51,11 @@ SLEEVE_PAIRS = (
 )
 """Pairs of a forearm and a part that mocap presses it into: a sleeve around it would be caught there."""
 
+LIMBS = (*zip(FOREARM_PARTS, ARM_PARTS, strict=True), *zip(LEG_PARTS[2:], LEG_PARTS[:2], strict=True))
+"""Pairs of a forearm and its upper arm, a calf and its thigh: a bent joint pulls cloth of the first onto the
+second.
+"""
+
 PART_SLACK = 0.03
 """Metres by which a part may be farther than twice the closest one and still be next to a point at rest."""
 
@@ -119,7 +124,10 @@ class Collider:
         nearest = distance.amin(0)
         touches = distance < 2.0 * nearest + PART_SLACK
         touches[list(LEG_PARTS)] |= (nearest > FREE_HANGING_DISTANCE) & (nearest < distance[limbs].amin(0))
-        return touches & torch.isfinite(distance)
+        touches &= torch.isfinite(distance)
+        for lower, upper in LIMBS:
+            touches[upper] |= touches[lower]
+        return touches
 
 
 @once_per_body

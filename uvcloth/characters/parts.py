@@ -99,6 +99,11 @@ def label(part: Part) -> str:
     return part.name if part.material in ("", part.name) else f"{part.name} ({part.material})"
 
 
+def is_clothing(part: Part) -> bool:
+    """True for a part that is clothes by the words in its names."""
+    return _kind(part) == "clothes"
+
+
 def _named(parts: Sequence[Part], names: Iterable[str], option: str) -> set[int]:
     places: set[int] = set()
     for name in names:

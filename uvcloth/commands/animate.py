@@ -18,10 +18,12 @@ from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.errors import InputError
 from uvcloth.export.pictures import SHEETS, sheet_interval
+from uvcloth.export.shot import Shot
 from uvcloth.export.size import announce
 from uvcloth.export.writer import close_together, open_writer
 from uvcloth.garments.fit import Fitting
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.holds import Hold
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.tucks import Tuck
 from uvcloth.geometry.mesh import Mesh
@@ -91,7 +93,15 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     with ExitStack() as stack:
         writers = [
             stack.enter_context(
-                open_writer(path, meshes, body, fps, transforms[::every].float(), command.preview)
+                open_writer(
+                    path,
+                    meshes,
+                    body,
+                    fps,
+                    transforms[::every].float(),
+                    command.preview,
+                    Shot.of(command.camera, command.size),
+                )
             )
             for path in out
         ]
@@ -157,7 +167,8 @@ def _load_garments(command: Rollout, body: Body, report: Callable[[str], None]) 
     """The garments of a rollout on a body."""
     how = Fitting(command.garment_pose, from_body=command.from_body)
     tucks = [Tuck.parse(text) for text in command.tuck]
-    return load_outfit(command.garment, body, report, command.template, how, command.fabric, tucks)
+    holds = [Hold.parse(text) for text in command.hold]
+    return load_outfit(command.garment, body, report, command.template, how, command.fabric, tucks, holds)
 
 
 def _load_method(command: Rollout, outfit: Outfit) -> tuple[Method, bool, str | None]:

@@ -8,7 +8,7 @@ from tyro.conf import OmitArgPrefixes, arg
 
 from uvcloth.commands.options import ANNY, JSON, BodyFile
 from uvcloth.errors import InputError
-from uvcloth.files.options import Between, NewFile, Several, Source
+from uvcloth.files.options import Between, NewFile, NewFolder, Several, Source
 
 SUFFIXES = (".npz", ".obj", ".glb")
 
@@ -58,6 +58,9 @@ class MakeBody:
     """Meshes or materials of the character that cloth collides with, in spite of their names."""
     drop: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint=""), Several()] = ()
     """Meshes or materials of the character to leave out."""
+    clothes: Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint=""), NewFolder()] = None
+    """Folder for the character's clothes, each as an OBJ with its textures, for --garment of other commands.
+    Meshes and materials that --drop names are among them."""
     unit: Annotated[
         Literal["m", "dm", "cm", "mm", "inches", "feet"] | None,
         arg(metavar="m|dm|cm|mm|inches|feet", help_behavior_hint="(default: by its height)"),
@@ -92,7 +95,7 @@ class MakeBody:
             raise InputError(f"{self.character}: has its own shape, leave out phenotypes and --body")
         if self.smpl and (phenotype or self.body or self.character):
             raise InputError(f"{self.smpl}: --smpl cannot be combined with phenotypes, --body or --character")
-        if not self.character and (self.joints or self.keep or self.drop or self.unit):
-            raise InputError("body: --joints, --keep, --drop and --unit need --character")
+        if not self.character and (self.joints or self.keep or self.drop or self.unit or self.clothes):
+            raise InputError("body: --joints, --keep, --drop, --clothes and --unit need --character")
         if not self.smpl and self.betas:
             raise InputError("body: --betas need --smpl")

@@ -16,10 +16,12 @@ from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.files.image import write_png
 from uvcloth.garments.alignment import Known
+from uvcloth.garments.band import held_by
 from uvcloth.garments.fit import Fitting, fit
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.pieces import split
+from uvcloth.garments.places import places
 from uvcloth.garments.templates import TEMPLATES
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.registry import DEFAULT
@@ -63,6 +65,7 @@ def examine(command: Fit) -> list[str]:
     if len(garments) > 1:
         lines[-1] = f"  {len(garments)} garments, the innermost first (rollout moves each by itself):"
         lines += [f"    {garment.name}, worn as {garment.template}" for garment in garments]
+    lines += [_held(garment, body) for garment in garments]
     if command.out is not None:
         lines += [str(path) for path in _write(garments, fitted.garment.name, command.out)]
     if picture is not None:
@@ -74,6 +77,17 @@ def examine(command: Fit) -> list[str]:
         _write_picture(picture, rows)
         lines.append(str(picture))
     return lines
+
+
+def _held(garment: Garment, body: Body) -> str:
+    """A line on the places that hold a garment up, and those that --hold can name."""
+    try:
+        where = held_by(garment, body)
+    except InputError as error:
+        return f"  {error}"
+    others = [place for place in places(garment.mesh, body) if place not in where]
+    more = f"; it also has {', '.join(others)} (--hold)" if others else ""
+    return f"  {garment.name}: held up by its {' and '.join(where)}{more}"
 
 
 def _write(garments: tuple[Garment, ...], name: str, out: Path) -> list[Path]:

@@ -1,6 +1,6 @@
 """Bodies of phenotypes, characters and SMPL, as an npz for other commands or as a mesh."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,14 +12,15 @@ from uvcloth.bodies.body import Body, load_body, require_metres, save_body
 from uvcloth.bodies.smpl import read_smpl
 from uvcloth.bodies.stature import stature
 from uvcloth.bodies.visible import visible_body
-from uvcloth.characters.body import body_from_character
+from uvcloth.characters.body import CharacterBody, body_from_character
+from uvcloth.characters.clothes import clothes_of, is_worn_as_skin
 from uvcloth.characters.sheet import LEGEND, character_sheet
 from uvcloth.commands.body import MakeBody
 from uvcloth.errors import InputError
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf_scene import add_body, add_skeleton
 from uvcloth.export.obj import save_obj
-from uvcloth.files.atomic import atomic_write
+from uvcloth.files.atomic import atomic_write, sole_writer
 from uvcloth.files.image import write_png
 from uvcloth.motion.roles import read_role_map
 
@@ -77,12 +78,25 @@ def _of_character(path: Path, command: MakeBody) -> Body:
             picture = _draw(path, roles, command)
             raise InputError(f"{error}; {picture} shows what was taken for what ({LEGEND})") from error
     print("\n".join(made.lines()))
+    if command.clothes is not None:
+        print("\n".join(_take_off(path, made, command.clothes)))
     if made.rigged.guessed:
         print(
             f"the names of the joints do not tell all roles; {_draw(path, roles, command)} shows a guess "
             f"({LEGEND}), --joints corrects it"
         )
     return made.body
+
+
+def _take_off(path: Path, made: CharacterBody, folder: Path) -> Iterator[str]:
+    """Write the clothes of a character into a folder, and report on each, a line each."""
+    garments = clothes_of(path, made.parts)
+    with sole_writer(folder):
+        for name, mesh in garments.items():
+            save_obj(mesh, folder / f"{name}.obj")
+            yield f"{folder / name}.obj: {len(mesh.vertices)} vertices"
+    if is_worn_as_skin(made.parts):
+        yield "  the character has no skin beneath them, so the body has their shape and shows them as well"
 
 
 def _draw(path: Path, roles: Mapping[str, str], command: MakeBody) -> Path:

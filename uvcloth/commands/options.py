@@ -88,6 +88,15 @@ Tucks = Annotated[
         help_behavior_hint="",
     ),
 ]
+Holds = Annotated[
+    tuple[str, ...],
+    arg(
+        metavar="[GARMENT:]PLACE ...",
+        help="Places that hold garments up: top (the uppermost hem), collar, waist, cuffs or shoulders; "
+        "`uvcloth fit` names those of a garment. cuffs: sleeves or trouser legs with a closure.",
+        help_behavior_hint="(default: the uppermost hem, or the shoulders)",
+    ),
+]
 Fabric = Annotated[FabricName | None, arg(metavar=FABRIC_NAMES, help_behavior_hint="(default: jersey)")]
 Fabrics = Annotated[
     tuple[FabricName, ...], arg(metavar=f"{FABRIC_NAMES} ...", help_behavior_hint="(default: jersey)")

@@ -17,6 +17,7 @@ from uvcloth.commands.options import (
     Fabrics,
     FromBody,
     GarmentPose,
+    Holds,
     Host,
     Models,
     MotionFile,
@@ -26,7 +27,8 @@ from uvcloth.commands.options import (
     Tucks,
 )
 from uvcloth.errors import InputError
-from uvcloth.files.options import NewFile, Several
+from uvcloth.export.shot import CameraName
+from uvcloth.files.options import NewFile, Several, Text
 from uvcloth.methods.finish_names import FinishName
 from uvcloth.motion.options import MotionOptions
 
@@ -85,6 +87,7 @@ class Rollout:
     ] = ()
     """Template that a PhysXNet predicts a garment as: one for all, or one for each in order."""
     tuck: Tucks = ()
+    hold: Holds = ()
     garment_pose: GarmentPose = None
     from_body: FromBody = None
     fabric: Fabrics = ()
@@ -96,6 +99,17 @@ class Rollout:
     first one again, as players expect it; videos leave it out."""
     preview: bool = False
     """Quick look: every third frame, in small pictures; fastest with a single .png."""
+    camera: Annotated[
+        CameraName | None, arg(metavar="front|side|back|close|follow", help_behavior_hint="")
+    ] = None
+    """Camera of pictures and videos: front, side or back of the body as it faces in the first frame; close:
+    its upper part; follow: turns with it."""
+    size: Annotated[
+        str | None,
+        arg(metavar="WIDTHxHEIGHT", help_behavior_hint=""),
+        Text(r"[1-9]\d{1,3}x[1-9]\d{1,3}", "WIDTHxHEIGHT in pixels, 10 to 9999 each"),
+    ] = None
+    """Size of pictures and videos, of each picture on a sheet."""
     keep_going: bool = False
     """Continue where a garment tears: that frame shows it as linear blend skinning moves it."""
     view: bool = False

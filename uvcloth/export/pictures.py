@@ -1,7 +1,7 @@
 """Videos and contact sheets of garments on a moving body, drawn as the frames arrive."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +10,12 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.errors import InputError
+from uvcloth.export.shot import USUAL, CameraName, Shot
 from uvcloth.export.video import open_video
 from uvcloth.files.image import write_png
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.rotations import from_euler, heading
 from uvcloth.geometry.skeleton import joint_positions
 from uvcloth.lighting import COARSE, FINE, Quality
 from uvcloth.render import (
@@ -39,6 +42,15 @@ FOLLOWING_SECONDS = 0.3
 """Standard deviation of the filter that smooths the camera's path, so that it does not shake."""
 
 
+TURNS: dict[CameraName | None, float] = {"front": 0.0, "side": 90.0, "back": 180.0}
+"""Degrees of cameras around the body, from its front to its left; others stand at ASIDE."""
+
+ASIDE = 30.0
+
+CLOSE = 0.15
+"""Distance from the middle of the body, over its height, up to which a close camera keeps joints in view."""
+
+
 @dataclass(frozen=True)
 class PictureSettings:
     """Size (width, height) of each picture in pixels, quality, and number of pictures on a contact sheet."""
@@ -61,22 +73,38 @@ def picture_settings(suffix: str, coarse: bool) -> PictureSettings:
     return COARSE_SHEET if coarse else SHEET
 
 
-def camera_path(body: Body, motion: Tensor, fps: float, aspect: float) -> list[Camera]:
+def camera_path(
+    body: Body, motion: Tensor, fps: float, aspect: float, camera: CameraName | None = None
+) -> list[Camera]:
     """A camera for each frame of a motion (F, J, 3, 4), which follows the body and keeps all of it in view.
 
-    aspect: width of the picture over its height.
+    aspect: width of the picture over its height. camera: as a `Shot` has it; close keeps only the joints in
+    view that are above the hips and near the middle at rest.
     """
     from scipy.ndimage import gaussian_filter1d
 
     joints = joint_positions(body.skeleton, motion)
+    if camera == "close":
+        x, _, z = body.skeleton.heads.T
+        joints = joints[:, (z >= z[0]) & (x.abs() < CLOSE * (z.max() - z.min()))]
     middle = (joints.amin(1) + joints.amax(1)) / 2
     middle[:, 2] = (joints[..., 2].min() + joints[..., 2].max()) / 2
     path = torch.from_numpy(gaussian_filter1d(middle.numpy(), FOLLOWING_SECONDS * fps, 0, mode="nearest"))
-    around = (joints - path[:, None])[:: max(1, len(motion) // FITTED_FRAMES)].reshape(-1, 1, 3)
+    facing = heading(motion[:, 0, :, :3].double())
+    angles = np.unwrap(torch.atan2(facing[:, 1, 0], facing[:, 0, 0]).numpy())
+    smooth = gaussian_filter1d(angles, FOLLOWING_SECONDS * fps, mode="nearest")
+    angles = smooth if camera == "follow" else np.full(len(motion), angles[0] if camera else 0.0)
+    turned = from_euler("z", torch.from_numpy(angles)[:, None]).to(path.dtype)
+    around = ((joints - path[:, None]) @ turned)[:: max(1, len(motion) // FITTED_FRAMES)].reshape(-1, 1, 3)
     corners = torch.cartesian_prod(*[torch.tensor([-REACH, REACH])] * 3)
-    camera = three_quarter(around + corners, aspect=aspect)
-    offset = torch.tensor(camera.target, dtype=path.dtype)
-    return [camera.following(point + offset) for point in path]
+    still = three_quarter(around + corners, TURNS.get(camera, ASIDE), aspect=aspect)
+    eyes, targets = (
+        path + turned @ torch.tensor(place, dtype=path.dtype) for place in (still.eye, still.target)
+    )
+    return [
+        replace(still, eye=tuple(eye), target=tuple(target))
+        for eye, target in zip(eyes.tolist(), targets.tolist(), strict=True)
+    ]
 
 
 def sheet_moments(frames: int, count: int) -> list[int]:
@@ -94,7 +122,7 @@ class Pictures:
 
     motion: (F, J, 3, 4), the joint transforms of all frames, from which the camera's path is made. A video
     leaves out a last frame that is the first one again, since players begin anew after it. Raises InputError
-    for a video if PyAV is not installed.
+    for a video if PyAV is not installed, and if its width or height is odd.
     """
 
     def __init__(
@@ -105,12 +133,17 @@ class Pictures:
         fps: float,
         motion: Tensor,
         coarse: bool,
+        shot: Shot = USUAL,
     ) -> None:
         suffix = partial.suffix.lower()
         self._settings = picture_settings(suffix, coarse)
+        if shot.size:
+            self._settings = replace(self._settings, size=shot.size)
         self._faces, self._body = [mesh.faces for _, mesh in garments], body
         width, height = self._settings.size
-        self._cameras = camera_path(body, motion.cpu(), fps, width / height)
+        if suffix in VIDEOS and (width % 2 or height % 2):
+            raise InputError(f"--size {width}x{height}: videos have even widths and heights")
+        self._cameras = camera_path(body, motion.cpu(), fps, width / height, shot.camera)
         self._moments = None if suffix in VIDEOS else set(sheet_moments(len(motion), self._settings.on_sheet))
         self._video = open_video(partial, self._settings.size, fps) if suffix in VIDEOS else None
         repeats = self._video is not None and len(motion) > 2 and torch.equal(motion[-1], motion[0])

@@ -17,6 +17,7 @@ from uvcloth.export.gltf import write_glb
 from uvcloth.export.obj_sequence import write_obj_sequence
 from uvcloth.export.pictures import SHEETS, VIDEOS, Pictures
 from uvcloth.export.pointcache import write_pc2
+from uvcloth.export.shot import USUAL, Shot
 from uvcloth.export.spool import Spool
 from uvcloth.export.usd import write_usd
 from uvcloth.files.atomic import Partial, put_in_place
@@ -169,14 +170,16 @@ def open_writer(
     fps: float,
     motion: Tensor | None = None,
     coarse: bool = False,
+    shot: Shot = USUAL,
 ) -> FrameWriter:
     """Start a file of moving garments (name, mesh at rest), and of the body's visible mesh unless it is None.
 
     The suffix decides: .glb (glTF: morph targets, a skinned body), .usdc or .usd, .pc2 (one point cache and
     one OBJ per mesh, named after the path), .abc (Alembic), .obj (a file per frame), .npz (arrays, see
     load_animation), .mp4 and .gif (a video), .png (a contact sheet). Pictures need the body and its motion
-    (F, J, 3, 4), which the camera follows; coarse ones are small and quickly drawn. Materials and textures of
-    garments that were read from a file are kept, in files beside it where the format needs them there.
+    (F, J, 3, 4), which the camera follows; coarse ones are small and quickly drawn; shot: their camera and
+    size. Materials and textures of garments that were read from a file are kept, in files beside it where the
+    format needs them there.
     Use it as a context manager: leaving it by an exception writes nothing.
     Memory does not grow with the number of frames.
     Raises InputError for another suffix, for garments of the same name, where a package is missing, or if the
@@ -205,7 +208,7 @@ def open_writer(
         elif body is None or motion is None:
             raise InputError(f"{path}: pictures need the body and its motion")
         else:
-            sink = Pictures(partial.folder / path.name, garments, body, fps, motion, coarse)
+            sink = Pictures(partial.folder / path.name, garments, body, fps, motion, coarse, shot)
     except BaseException:
         partial.remove()
         raise

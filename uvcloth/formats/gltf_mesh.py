@@ -80,6 +80,14 @@ def read_gltf_mesh(path: Path) -> AuthoredMesh:
     return AuthoredMesh.of(torch.from_numpy(np.concatenate([part.vertices for part in parts])), polygons)
 
 
+def read_materials(path: Path) -> tuple[SurfaceMaterial, ...]:
+    """Read the materials of a .glb, .gltf or .vrm, with textures on the first set of texture coordinates.
+
+    Raises InputError for a file that is not valid.
+    """
+    return _materials(read_gltf(path), 1)[0]
+
+
 def _placed(gltf: Gltf) -> list[tuple[dict[str, Any], np.ndarray]]:
     """Nodes of the scene with the transforms (4, 4) of their meshes, parents first."""
     nodes, scenes = gltf.entries("nodes"), gltf.entries("scenes")

@@ -1,6 +1,8 @@
-"""Holding bands of garments: the strip that a template names, or one along the uppermost hem."""
+"""Holding bands of garments: the strip that a template names, a named place, or one along the uppermost hem.
 
-from collections.abc import Sequence
+A piece without a hem at its top, a hood that is closed, is held by its cloth on the shoulders.
+"""
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +13,10 @@ from rasterize.charts import face_components
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.places import BAND_WIDTH, hem_band, hems, places
 from uvcloth.garments.shells import joint_of
 from uvcloth.garments.templates import load_template
 from uvcloth.geometry.mesh import boundary_edges, face_normals, weld
-
-BAND_WIDTH = 0.03
-"""Metres from the hem that the band reaches."""
 
 BELOW_TOP = 0.1
 """Metres that the uppermost hem may be below the top of its piece: the hem of a hood is."""
@@ -63,19 +63,18 @@ def unheld_reason(outfit: Outfit) -> str:
 def holding_band(garment: Garment, body: Body) -> Band:
     """The band of a garment, which a simulation attaches to the body; each separate piece is held by its own.
 
-    Raises InputError for a piece without an open hem at its top.
+    The places of `garment.holds` count, if it has any. Raises InputError for a piece that neither an open hem
+    at its top nor the shoulders hold.
     """
-    if garment.source == "template" and garment.template:
+    if garment.source == "template" and garment.template and not garment.holds:
         return Band(load_template(garment.template).band, TEMPLATE_MASS[garment.template])
-    mesh = garment.mesh
-    faces = weld(mesh.vertices)[mesh.faces]
-    pieces = torch.from_numpy(face_components(faces.numpy(), np.zeros(0, dtype=np.int64)))
-    held = torch.zeros(len(mesh.vertices), dtype=torch.bool)
-    for piece in pieces.unique():
-        rows = pieces == piece
-        hem = _top_hem(garment.name, mesh.vertices, faces[rows])
-        used = mesh.faces[rows].unique()
-        held[used] |= hem_band(mesh.vertices[used], mesh.vertices[hem], BAND_WIDTH)
+    mesh, held = garment.mesh, torch.zeros(len(garment.mesh.vertices), dtype=torch.bool)
+    if not garment.holds or "top" in garment.holds:
+        held |= _top(garment, body)
+    if garment.holds:
+        masks = places(mesh, body)
+        for place in garment.holds:
+            held |= masks.get(place, held)
     area = face_normals(mesh.vertices, mesh.faces).norm(dim=1)
     banded = float((area * held[mesh.faces].float().mean(1)).sum())
     on_shoulders = float(mesh.vertices[held][:, 2].mean()) > joint_of(body, "left_upper_arm")[2]
@@ -83,29 +82,48 @@ def holding_band(garment: Garment, body: Body) -> Band:
     return Band(held, 1.0 + share * (float(area.sum()) - banded) / banded)
 
 
-def hem_band(vertices: Tensor, hem: Tensor, width: float) -> Tensor:
-    """Mask of the vertices (N, 3) m within `width` metres of points (H, 3) along a hem: (N,) bool."""
-    return torch.cdist(vertices, hem).min(dim=1).values < width
+def held_by(garment: Garment, body: Body) -> tuple[str, ...]:
+    """Names of the places that hold a garment. Raises InputError as `holding_band` does."""
+    if garment.holds:
+        return garment.holds
+    band = holding_band(garment, body).vertices
+    shares = {
+        name: float((mask & band).sum()) / float(band.sum())
+        for name, mask in places(garment.mesh, body).items()
+    }
+    most = max(shares, key=lambda name: shares[name], default="")
+    return (most,) if most and shares[most] > 0.5 else ("top",)
 
 
-def _top_hem(name: str, vertices: Tensor, faces: Tensor) -> Tensor:
-    """The vertices (H,) along the upper part of the uppermost hem of one piece."""
+def _top(garment: Garment, body: Body) -> Tensor:
+    """Mask (N,) of the band along the top of each piece."""
+    mesh = garment.mesh
+    faces = weld(mesh.vertices)[mesh.faces]
+    pieces = torch.from_numpy(face_components(faces.numpy(), np.zeros(0, dtype=np.int64)))
+    held = torch.zeros(len(mesh.vertices), dtype=torch.bool)
+    over: Tensor | None = None
+    for piece in pieces.unique():
+        rows = pieces == piece
+        used = mesh.faces[rows].unique()
+        hem = _top_hem(mesh.vertices, faces[rows])
+        if isinstance(hem, str):
+            over = places(mesh, body).get("shoulders", held) if over is None else over
+            if not over[used].any():
+                raise InputError(
+                    f"garment {garment.name}: cannot be simulated, a piece of it has {hem} that would hold it"
+                )
+            held[used] |= over[used]
+        else:
+            held[used] |= hem_band(mesh.vertices[used], mesh.vertices[hem], BAND_WIDTH)
+    return held
+
+
+def _top_hem(vertices: Tensor, faces: Tensor) -> Tensor | str:
+    """The vertices (H,) along the upper part of the uppermost hem of one piece, or the reason for none."""
     heights = vertices[:, 2]
     top = max(hems(boundary_edges(faces)), key=lambda hem: float(heights[hem].max()), default=None)
-    below = float(heights[faces.unique()].max() - heights[top].max()) if top is not None else np.inf
-    if top is None or below > BELOW_TOP:
-        fault = "no open hem" if top is None else f"no open hem within {BELOW_TOP:.2f} m of its top"
-        raise InputError(f"garment {name}: cannot be simulated, a piece of it has {fault} that would hold it")
+    if top is None:
+        return "no open hem"
+    if float(heights[faces.unique()].max() - heights[top].max()) > BELOW_TOP:
+        return f"no open hem within {BELOW_TOP:.2f} m of its top"
     return top[heights[top] > heights[top].max() - DROP]
-
-
-def hems(edges: Tensor) -> Sequence[Tensor]:
-    """The vertices of each connected run of boundary edges (E, 2)."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    used, ends = edges.unique(return_inverse=True)
-    start, end = ends.numpy().T
-    graph = coo_array((np.ones(len(edges)), (start, end)), shape=(len(used), len(used)))
-    run = torch.from_numpy(connected_components(graph, directed=False)[1])
-    return [used[run == each] for each in run.unique()]

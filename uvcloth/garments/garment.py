@@ -20,7 +20,7 @@ class Garment:
     smooth_weights: (N, J) the same, diffused over the garment, so that a skirt does not split.
     source: whether its mesh is that of its template, or came from a file. hides: (K,) int64 vertices of the
     body that its file says it hides, None where it says nothing. fabric: what it is made of, for a method
-    that reads it.
+    that reads it. holds: names of the PLACES that hold it up, none for the one that is found.
     """
 
     name: str
@@ -31,6 +31,7 @@ class Garment:
     source: Literal["template", "file"] = "file"
     hides: Tensor | None = None
     fabric: Fabric = JERSEY
+    holds: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from uvcloth.errors import InputError
 from uvcloth.garments.arrays import NamedMesh
 from uvcloth.garments.fit import PLAIN, Fitting, PlacedFile, fit, place_on_body, read_on_body
 from uvcloth.garments.garment import Garment
+from uvcloth.garments.holds import Hold, held_at
 from uvcloth.garments.pieces import pieces, split
 from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.garments.tucks import Tuck, worn_order
@@ -41,6 +42,7 @@ def load_outfit(
     how: Fitting = PLAIN,
     fabric: FabricChoice = None,
     tucks: Sequence[Tuck] = (),
+    holds: Sequence[Hold] = (),
 ) -> tuple[Garment, ...]:
     """Load garments worn together, the innermost first; a file or mesh that holds several gives all of them.
 
@@ -48,8 +50,9 @@ def load_outfit(
     `worn_order`. templates: those whose motion the garments take, one for all names or one for each; none
     or "auto" for the one that each covers best. report: as `load_garment` has it. how: what is known of
     the body that mesh files and meshes were modelled on, see `read_on_body`. fabric: of all names or
-    of each, see `find_fabrics`. Raises InputError as `fit_template`, `fit`, `find_fabrics` and `worn_order`
-    do, for unknown templates, and for a number of templates that is neither one nor that of the names.
+    of each, see `find_fabrics`. holds: see `held_at`. Raises InputError as `fit_template`, `fit`,
+    `find_fabrics`, `worn_order` and `held_at` do, for unknown templates, and for a number of templates that
+    is neither one nor that of the names.
     """
     fabrics = find_fabrics(fabric, len(names))
     if len(templates) not in (0, 1, len(names)):
@@ -79,7 +82,7 @@ def load_outfit(
     worn = untangle(worn_order(loaded, tucks), body)
     for line in worn.lines:
         report(line)
-    return worn.garments
+    return held_at(worn.garments, holds, body)
 
 
 def _placed(source: str | NamedMesh, body: Body, how: Fitting) -> tuple[str, PlacedFile]:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from uvcloth.garments.band import hems
+from uvcloth.garments.places import hems
 from uvcloth.geometry.mesh import boundary_edges, weld
 from uvcloth.physics.obstacle import Skin
 

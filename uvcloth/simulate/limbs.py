@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.collider import ARM_PARTS, FOREARM_PARTS, LEG_PARTS
-from uvcloth.garments.band import hems
+from uvcloth.garments.places import hems
 from uvcloth.geometry.mesh import boundary_edges, weld
 from uvcloth.geometry.skeleton import Skeleton, joint_positions
 from uvcloth.motion.roles import joint_roles

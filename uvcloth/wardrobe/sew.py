@@ -12,7 +12,8 @@ from rasterize.charts import edge_keys, edge_twins, edges_of, weld_corners
 from rasterize.gather import gather
 from rasterize.raycast import cast_rays
 from uvcloth.bodies.body import Body
-from uvcloth.garments.band import BAND_WIDTH, DROP, hem_band
+from uvcloth.garments.band import DROP
+from uvcloth.garments.places import BAND_WIDTH, hem_band
 from uvcloth.garments.remesh import Array, Indices, remesh, surface_of
 from uvcloth.garments.templates import faces_outward, offset_from_skin, smoothing_matrix
 from uvcloth.geometry.mesh import Mesh, boundary_edges, face_normals, vertex_normals

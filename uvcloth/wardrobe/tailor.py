@@ -17,9 +17,10 @@ from rasterize.gather import gather
 from rasterize.layout import unwrap
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.errors import InputError
-from uvcloth.garments.band import BAND_WIDTH, DROP, hem_band
+from uvcloth.garments.band import DROP
 from uvcloth.garments.cut import cut, place
 from uvcloth.garments.openings import forearm_share, neck, sleeves, upper_arm_share, waist_height, waistband
+from uvcloth.garments.places import BAND_WIDTH, hem_band
 from uvcloth.garments.remesh import Indices, largest, remesh, surface_of
 from uvcloth.garments.shells import TEMPLATE_SKIRT, Bodice, SkirtCut, cut_bodice, joint, tight_shell
 from uvcloth.garments.templates import (

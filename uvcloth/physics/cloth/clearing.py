@@ -48,6 +48,11 @@ INWARD = np.float32(-0.7)
 WATCHED = np.float32(0.004)
 """Metres more than the clearance within which vertices are watched: their neighbours may move them."""
 
+BENEATH_FACES = np.float32(0.001)
+"""Metres that faces keep off skin that is curved between their corners, an elbow's or a knee's."""
+
+EIGHTH = np.float32(0.125)
+
 PASSES = 3
 """Times that vertices are moved off the skin; after all but the last one their neighbours follow."""
 
@@ -97,11 +102,13 @@ def clear(
     for face in contacts.faces:
         find_normals(body, passage, face)
     cleared, moves = positions.copy(), np.empty_like(positions)
+    heights, outwards = clearance + mesh.thickness, np.zeros_like(positions)
     for each in range(PASSES):
         moves[:] = ZERO
-        _push(mesh, body, passage, contacts, cleared, moves, clearance)
+        _push(body, passage, contacts, cleared, moves, heights, outwards)
         if each < PASSES - 1:
             _spread(mesh, cleared, moves)
+            _raise_over_curves(mesh, contacts, cleared, outwards, heights)
     return FineState(cleared, points, end_passage(passage, cleared), before.frame + 1)
 
 
@@ -113,21 +120,44 @@ def follow(mesh: FineMesh, positions: Array, moves: Array) -> None:
 
 @inlined
 def _push(
-    mesh: FineMesh,
     body: Body,
     passage: Passage,
     contacts: Contacts,
     positions: Array,
     moves: Array,
-    clearance: Number,
+    heights: Array,
+    outwards: Array,
 ) -> None:
+    """Move vertices to their heights (N,) m over the skin, and note its normals (N, 3) there, in place."""
     for k in range(len(contacts.vertices)):
         vertex, face = contacts.vertices[k], contacts.faces[k]
         distance, normal = _signed(body, passage, face, load(positions, vertex))
-        lack = clearance + mesh.thickness[vertex] - distance
+        lack = heights[vertex] - distance
         if lack > ZERO:
             store(positions, vertex, combine(ONE, load(positions, vertex), lack, normal))
             store(moves, vertex, combine(ONE, load(moves, vertex), lack, normal))
+            store(outwards, vertex, normal)
+
+
+@inlined
+def _raise_over_curves(
+    mesh: FineMesh, contacts: Contacts, positions: Array, outwards: Array, heights: Array
+) -> None:
+    """Raise the heights (N,) m of vertices over convex skin, which comes through the edges between them.
+
+    An arc between two points rises over their chord by about an eighth of its length times the angle between
+    its normals.
+    """
+    for vertex in contacts.vertices:
+        normal = load(outwards, vertex)
+        if dot(normal, normal) == ZERO:
+            continue
+        for place in range(mesh.ring_starts[vertex], mesh.ring_starts[vertex + 1]):
+            other = load(outwards, mesh.ring[place])
+            way = sub(load(positions, mesh.ring[place]), load(positions, vertex))
+            if dot(other, other) > ZERO and dot(way, normal) < ZERO:
+                rise = min(EIGHTH * length(way) * length(sub(other, normal)), WATCHED)
+                heights[vertex] = max(heights[vertex], mesh.thickness[vertex] + rise + BENEATH_FACES)
 
 
 @inlined

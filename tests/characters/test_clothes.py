@@ -1,0 +1,63 @@
+"""Clothes that are taken off a character and worn on the body made of it."""
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from tests.characters.made_up import Piece, rewritten, write_character
+from uvcloth.bodies.body import REGIONS, Body, load_body
+from uvcloth.characters.clothes import clothes_of
+from uvcloth.characters.parts import sort_parts
+from uvcloth.characters.reader import read_character
+from uvcloth.commands.body import MakeBody
+from uvcloth.errors import InputError
+from uvcloth.files.image import write_png
+from uvcloth.garments.loading import load_garment
+from uvcloth.geometry.authored import polygons_of
+
+
+def pieces(body: Body) -> list[Piece]:
+    """A body with a top of its own, a hand above the hips to the neck, in two meshes."""
+    height = body.mesh.vertices[body.mesh.faces].mean(1)[:, 2]
+    trunk = (body.regions == REGIONS.index("torso")) & (height > 0.05) & (height < 0.5)
+    return [
+        Piece("Body", "N00_Body_SKIN", body.mesh.faces),
+        Piece("Body", "N00_Tops_CLOTH", body.mesh.faces[trunk], off=0.02),
+    ]
+
+
+def test_a_top_with_its_texture_is_taken_off_and_worn_again(
+    body: Body, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_png(tmp_path / "red.png", torch.full((4, 4, 3), 200, dtype=torch.uint8).numpy())
+    picture = base64.b64encode((tmp_path / "red.png").read_bytes()).decode()
+
+    def textured(written: dict[str, Any]) -> None:
+        written["images"] = [{"uri": f"data:image/png;base64,{picture}", "name": "red"}]
+        written["textures"] = [{"source": 0}]
+        (top,) = (each for each in written["materials"] if "Tops" in each["name"])
+        top["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+
+    path = tmp_path / "hero.glb"
+    write_character(path, body, pieces(body))
+    rewritten(path, textured)
+    MakeBody(out=tmp_path / "hero.npz", character=path, clothes=tmp_path / "clothes").run()
+    written = tmp_path / "clothes" / "N00_Tops_CLOTH.obj"
+    assert f"{written}: " in capsys.readouterr().out
+    worn = load_garment(str(written), load_body(tmp_path / "hero.npz"))
+    (material,) = polygons_of(worn.mesh).materials
+    assert material.texture is not None
+    assert material.texture.content == (tmp_path / "red.png").read_bytes()
+    centre, expected = worn.mesh.vertices.mean(0), body.mesh.vertices[pieces(body)[1].faces.unique()].mean(0)
+    assert float((centre - expected).norm()) < 0.03
+
+
+def test_a_character_without_clothes_is_refused(body: Body, tmp_path: Path) -> None:
+    path = tmp_path / "bare.glb"
+    write_character(path, body, pieces(body)[:1])
+    character = read_character(path)
+    with pytest.raises(InputError, match=r"bare\.glb: no mesh or material is named as clothes; --drop names"):
+        clothes_of(path, sort_parts(character.parts, character.joints))
