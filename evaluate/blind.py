@@ -16,8 +16,7 @@ from evaluate.case import Case
 from evaluate.compare import entrants_of
 from evaluate.familiar import Entrant
 from evaluate.judge import rolled_out
-from evaluate.predicted import Prediction
-from evaluate.predicted import _played as played
+from evaluate.predicted import Prediction, played
 from evaluate.progress import progress
 from evaluate.selection import Cases
 from uvcloth.errors import InputError
