@@ -23,8 +23,7 @@ from .case import Case
 from .compare import entrants_of
 from .familiar import Entrant
 from .judge import rolled_out
-from .predicted import Prediction
-from .predicted import _played as played
+from .predicted import Prediction, played
 from .progress import progress
 from .selection import Cases
 

@@ -159,7 +159,7 @@ class Plot:
             edge = self.across.end
             parts.append(
                 f'<line class="grid" x1="{edge:.1f}" x2="{edge:.1f}" y1="{top}" y2="{bottom}"/>'
-                f'<text class="tick" x="{right:.1f}" y="{bottom + 14}" text-anchor="end">no time</text>'
+                f'<text class="tick" x="{right:.1f}" y="{top - 4}" text-anchor="end">no time</text>'
             )
         return [*parts, f'<text class="unit" x="{left - 6}" y="{top - 6}">{escape(unit)}</text>']
 

@@ -143,5 +143,6 @@ def _represented(results: Results, garment: str, measure: Measure) -> list[Floor
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Names in words, the first and the number of others where they are many."""
-    return names[0] if len(names) == 1 else f"{names[0]} + {len(names) - 1}"
+    """Names in words: the shortest, and the number of others."""
+    others = len(names) - 1
+    return min(names, key=len) + (f" and {others} more" if others else "")

@@ -130,7 +130,7 @@ def judge_prediction(case: Case, prediction: Prediction) -> CaseScores:
     Other rollouts of it, in the folder of each member as in data, give an energy score. Raises InputError
     naming the file that does not fit the simulation, see `read_prediction`.
     """
-    first, *others = [_played(case, prediction, folder) for folder in prediction.rollouts(case.windows)]
+    first, *others = [played(case, prediction, folder) for folder in prediction.rollouts(case.windows)]
     judged = judge(case, first, live=False)
     if not others:
         return judged
@@ -145,7 +145,7 @@ def judge_prediction(case: Case, prediction: Prediction) -> CaseScores:
     return replace(judged, parts=parts)
 
 
-def _played(case: Case, prediction: Prediction, folder: Path) -> Candidate:
+def played(case: Case, prediction: Prediction, folder: Path) -> Candidate:
     """The sequences of a folder as a method."""
     garments = []
     for window, simulated in zip(case.windows, case.clip.garments, strict=True):

@@ -292,14 +292,15 @@ def _member_fields(simulation: Sequence[PartScores]) -> dict[str, Any]:
 def _chance(scores: Sequence[Scores], stage: str) -> dict[str, float | None]:
     """Distances from an ensemble of simulations over the windows that have one, None without any.
 
-    spread_ratio: the mean distance from the members over their distance from each other.
+    spread_ratio: the mean distance from the members over their distance from each other. energy_score_mm:
+    over the windows with several rollouts.
     """
+    energy = [each for each in scores if "energy_score_mm" in each]
     scores = [each for each in scores if f"ensemble_mm{stage}" in each]
     ensemble, nearest = (
         _mean(scores, f"{key}{stage}") if scores else None for key in ("ensemble_mm", "nearest_member_mm")
     )
     spread = _mean(scores, f"{SPREAD}vertex_mean_mm") if scores else 0.0
-    energy = [each for each in scores if "energy_score_mm" in each]
     return {
         **({} if stage else {"energy_score_mm": _mean(energy, "energy_score_mm") if energy else None}),
         f"ensemble_mm{stage}": ensemble,

@@ -51,8 +51,8 @@ SETTINGS: Mapping[str, Mapping[str, Any]] = {
     "dress": {
         "substeps": 4, "iterations": 6, "stretch": 0.03, "shear": 0.1, "bend": 3e4,
         "tether": "GeodesicDistance", "tether_length": 1.05, "damping": 1.0, "follow": 1.0, "friction": 0.0,
-        "radius": 0.008, "gravity": 9.81, "backstop": 0.06, "slack": -0.006, "farthest": 1e9, "slope": 0.0,
-        "tight": 0.03, "tight_distance": 0.03, "hulls": ("thigh", "calf", "torso"),
+        "radius": 0.008, "gravity": 9.81, "backstop": 0.1, "slack": 0.0, "farthest": 1e9, "slope": 0.0,
+        "tight": 0.0, "tight_distance": 0.03, "hulls": ("thigh", "calf"),
     },
     "tops": {
         "substeps": 2, "iterations": 6, "stretch": 0.03, "shear": 1.0, "bend": 1e4,
@@ -69,8 +69,8 @@ SETTINGS: Mapping[str, Mapping[str, Any]] = {
 }  # fmt: skip
 """Settings by garment, tuned on training clips. stretch, shear and bend are compliances. tether: a long range
 attachment and its length over that at rest. follow: 1/s, damping relative to the skinned garment. backstop:
-clearance at rest below which the body is a half space, slack m behind it. farthest, slope: most distance from the
-skinned garment, m, and how much it grows per metre from the band. tight: clearance below which that is
+clearance at rest below which the body is a half space, slack m behind it. farthest, slope: most distance from
+the skinned garment, m, and how much it grows per metre from the band. tight: clearance below which that is
 tight_distance. hulls: regions of the body that are colliders."""
 
 TUNED = ("stretch", "shear", "bend", "damping", "follow", "radius", "farthest", "tight_distance", "gravity")

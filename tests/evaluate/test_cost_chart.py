@@ -74,12 +74,12 @@ def test_every_garment_has_charts_of_error_and_swing_with_their_floors() -> None
     error, swing, dress, _ = cost_charts(results)
     assert names(error).keys() == {*MEANS, "another", "limit"}
     assert "another simulation 5.50 mm" in error
-    assert "limit of lbs + 2 1.25 mm" in error
+    assert "limit of lbs and 2 more 1.25 mm" in error
     assert "another simulation 9.00 mm" in dress
     assert "limit" not in dress
     assert "net 0.50 (0.62), 25.0 ms" in swing
     assert "another simulation 1.00 (0.75)" in swing
-    assert "limit of lbs + 2 0.96 (0.97)" in swing
+    assert "limit of lbs and 2 more 0.96 (0.97)" in swing
     assert {y for _, y in places(swing, "m0")} == {y for _, y in places(swing, "m2")}
     small = small_multiples(results)
     assert {garment: len(charts) for garment, charts in small.items()} == {"tops": 6, "dress": 6}

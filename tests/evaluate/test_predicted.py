@@ -84,6 +84,9 @@ def test_an_exported_simulation_brought_back_has_no_error_and_a_shifted_one_the_
     shifted.mkdir()
     garment = garment_of(data)
     np.savez(shifted / "02_04_tops.npz", vertices=garment.vertices.numpy() + SHIFT, fps=FPS)
+    # Another rollout of it, the same way off to the other side.
+    (shifted / "members" / "1").mkdir(parents=True)
+    np.savez(shifted / "members" / "1" / "02_04_tops.npz", vertices=garment.vertices.numpy() - SHIFT, fps=FPS)
     predicted = [f"usd={out / 'usd'}", f"abc={out / 'alembic'}", f"shifted={shifted}"]
     report = tmp_path / "report"
     arguments = ["--data", str(data), "--out", str(report), "--no-pictures", "--model", "lbs", "--predicted"]
@@ -101,6 +104,7 @@ def test_an_exported_simulation_brought_back_has_no_error_and_a_shifted_one_the_
                 assert cell[f"vertex_mean_mm{stage}"] == pytest.approx(expected, abs=1e-3)
                 assert cell[f"spread_ratio{stage}"] is None
             assert "ms_per_frame" not in cell
+            assert cell["energy_score_mm"] == (pytest.approx(0.0, abs=1e-3) if name == "shifted" else None)
             assert cell["swing_ratio"] is not None
 
 

@@ -113,7 +113,7 @@ class CagedOutfit:
         return tuple(skin(each.mesh.points, each.weights, transforms[None])[0] for each in self.garments)
 
     def represented(self, transforms: Tensor, garments: Sequence[Tensor]) -> tuple[Tensor, ...]:
-        """Garments (B, N, 3) m as cages that lie in them carry them, not cleared. transforms: (B, J, 3, 4)."""
+        """Garments (B, N, 3) m as cages in them carry them, not cleared. transforms: (B, J, 3, 4)."""
         pairs = zip(self.garments, garments, strict=True)
         return tuple(each.represented(transforms, worn) for each, worn in pairs)
 
