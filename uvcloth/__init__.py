@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from uvcloth.errors import InputError
     from uvcloth.export.animation import Animation
     from uvcloth.garments.garment import Garment, Outfit
+    from uvcloth.garments.holds import Hold
     from uvcloth.garments.tucks import Tuck
     from uvcloth.geometry.mesh import Mesh
     from uvcloth.geometry.skeleton import Skeleton
@@ -41,6 +42,7 @@ __all__ = [
     "Clip",
     "Fabric",
     "Garment",
+    "Hold",
     "InputError",
     "Mesh",
     "Method",
@@ -68,6 +70,7 @@ _HOMES = {
     "Clip": "uvcloth.motion.clip",
     "Fabric": "uvcloth.physics.fabric",
     "Garment": "uvcloth.garments.garment",
+    "Hold": "uvcloth.garments.holds",
     "InputError": "uvcloth.errors",
     "Mesh": "uvcloth.geometry.mesh",
     "Method": "uvcloth.methods.method",

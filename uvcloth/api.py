@@ -26,6 +26,7 @@ from uvcloth.export.writer import open_writer
 from uvcloth.garments.arrays import named_mesh
 from uvcloth.garments.fit import Fitting
 from uvcloth.garments.garment import Outfit
+from uvcloth.garments.holds import Hold
 from uvcloth.garments.joined import join
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.order import check_order
@@ -126,6 +127,7 @@ def fit(
     from_body: str | PathLike[str] | None = None,
     fabric: FabricName | Fabric | Sequence[FabricName | Fabric] | None = None,
     tucks: Sequence[Tuck] = (),
+    holds: Sequence[Hold] = (),
     name: str = "garment",
 ) -> Outfit:
     """Fit garments to a body, in the order in which they are worn, the innermost first: an outfit.
@@ -144,10 +146,11 @@ def fit(
     the body on which they were modelled, in their coordinates; they are transferred from it. fabric: what
     they are made of, a name ("jersey", "cotton", "silk", "denim") or a Fabric, one for all or one for each.
     tucks: garments that are worn beneath others, whatever the order, as in Tuck("shirt", into="bottoms").
-    name: of meshes, numbered where there are several. The findings on each file and mesh are logged.
+    holds: places that hold garments up, as in Hold("waist", garment="skirt"); by default each is held at its
+    top. name: of meshes, numbered where there are several. The findings on each file and mesh are logged.
 
-    Raises InputError naming the garment for what cannot be read or worn, and for tucks of garments that are
-    not worn, or that contradict each other.
+    Raises InputError naming the garment for what cannot be read or worn, for tucks and holds of garments that
+    are not worn, for tucks that contradict each other, and for a place that a garment does not have.
     """
     body = body or load_body()
     sources = _sources(garments)
@@ -161,7 +164,7 @@ def fit(
     ]
     templates = [template] if isinstance(template, str) else template
     how = Fitting(pose, from_body=None if from_body is None else Path(from_body))
-    return Outfit(body, load_outfit(loaded, body, LOGGER.info, templates, how, fabric, tucks))
+    return Outfit(body, load_outfit(loaded, body, LOGGER.info, templates, how, fabric, tucks, holds))
 
 
 def load_model(model: File | Sequence[File] = DEFAULT, body: Body | None = None) -> Method:
