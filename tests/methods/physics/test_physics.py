@@ -147,10 +147,14 @@ def test_a_heavier_stiffer_fabric_moves_otherwise(skirt: Outfit) -> None:
     assert float(apart[-1].max()) > 0.005
 
 
+def _unheld(body: Body) -> Garment:
+    """A garment without a hem, far below the shoulders."""
+    lowered = replace(body.mesh, vertices=body.mesh.vertices - torch.tensor([0.0, 0.0, 1.0]))
+    return replace(fit_template("tops", body), template=None, source="file", mesh=lowered)
+
+
 def test_what_cannot_be_solved_is_said(body: Body) -> None:
-    tops = fit_template("tops", body)
-    closed = replace(tops, template=None, source="file", mesh=body.mesh)
-    assert "that would hold it" in FAST.unsupported_reason(Outfit(body, (closed,)))
+    assert "that would hold it" in FAST.unsupported_reason(Outfit(body, (_unheld(body),)))
 
 
 @dataclass(frozen=True)
@@ -197,14 +201,14 @@ def test_a_finish_keeps_the_name_and_the_reasons_of_its_method(body: Body) -> No
 def test_trained_methods_are_finished_by_the_solver_where_it_can_move_the_outfit(body: Body) -> None:
     tops, trousers = fit_template("tops", body), fit_template("bottoms", body)
     outfit = Outfit(body, (trousers, tops))
-    closed = Outfit(body, (trousers, replace(tops, template=None, source="file", mesh=body.mesh)))
+    unheld = Outfit(body, (trousers, _unheld(body)))
     trained, baseline = load_method("physxnet", body), load_method("lbs_smooth", body)
     usual, cleared = finished(trained, outfit, None, FAST)
     assert isinstance(usual, Finished)
     assert usual.guide.name == "physxnet"
     assert cleared
     for method, worn in (
-        (trained, closed),
+        (trained, unheld),
         (baseline, outfit),
         (FAST, outfit),
         (Ensemble((baseline, FAST)), outfit),
