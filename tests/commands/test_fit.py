@@ -31,7 +31,8 @@ def test_a_picture_shows_what_is_worn_and_what_is_refused(
     save_obj(shirt, tmp_path / "shirt.obj")
     picture = tmp_path / "fit.png"
     lines = examine(Fit(tmp_path / "shirt.obj", picture=picture))
-    assert lines[-2:] == ["  worn as tops", str(picture)]
+    held = "  shirt: held up by its collar; it also has waist, cuffs, shoulders (--hold)"
+    assert lines[-3:] == ["  worn as tops", held, str(picture)]
     worn = read_image(picture)
     assert worn.shape[0] > 2 * 44
     assert (worn[:44, :30] != worn[-44:, :30]).any()

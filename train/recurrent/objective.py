@@ -65,7 +65,7 @@ class RecurrentObjective(Objective):
         joints = len(self.body.skeleton.heads)
         nets: dict[str, nn.Module] = {}
         for name, runs in self.runs.items():
-            net = RecurrentNetwork(self.config, joints, len(runs.cage.vertices), len(runs.corners))
+            net = RecurrentNetwork(self.config, joints, len(runs.cage.vertices), *runs.corners.shape)
             for key, value in vars(runs.fitted).items():
                 getattr(net, key).copy_(value)
             net.extremes.copy_(runs.extremes())

@@ -63,7 +63,7 @@ class PoseRig(BlendRig):
 
     def known_transforms(self, skeleton: Skeleton) -> Tensor:
         """Joint transforms (M, J, 3, 4) of the training poses, the root turned as at rest."""
-        local = from_axis_angles(self.poses.view(len(self.poses), -1, 3))
+        local = from_axis_angles(self.poses.unflatten(1, (-1, 3)))
         root = torch.tensor(skeleton.parents)[:, None, None] < 0
         turns = world_rotations(skeleton.parents, torch.where(root, torch.eye(3), local))
         return joint_transforms(skeleton, turns, skeleton.heads[:1].expand(len(self.poses), 3))

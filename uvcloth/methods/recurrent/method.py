@@ -196,10 +196,11 @@ def load_recurrent(checkpoint: Checkpoint, folder: Path) -> Recurrent:
     return Recurrent(config, networks.eval())
 
 
-def _sizes(tensors: Mapping[str, Tensor], name: str) -> tuple[int, int, int]:
-    """Joints, vertices of the cage and vertices of a garment, of the tensors of a checkpoint."""
+def _sizes(tensors: Mapping[str, Tensor], name: str) -> tuple[int, int, int, int]:
+    """Joints, vertices of the cage and of a garment, and corners of each, of the tensors of a checkpoint."""
     joints = (len(tensors[f"{name}.center"]) - OF_ROOT) // PER_JOINT
-    return joints, len(tensors[f"{name}.mean"]), len(tensors[f"{name}.corners"])
+    vertices, around = tensors[f"{name}.corners"].shape
+    return joints, len(tensors[f"{name}.mean"]), vertices, around
 
 
 PRESETS: dict[str, RecurrentConfig] = {

@@ -40,7 +40,7 @@ class RecurrentNetwork(nn.Module):
     """A gated recurrent unit (Cho et al., 2014) between two perceptrons, for one garment of N vertices.
 
     The garment at rest is the sum of its own mesh, a mean (n, 3) m and K shapes (K, n, 3) m by their weights;
-    both are on the n vertices of a cage and carried to the N by corners (N, 3) and shares (N, 3).
+    both are on the n vertices of a cage and carried to the N by corners (N, A) and shares (N, A).
     center, spread: (C,) mean and standard deviation of the input. extremes: (2 K, K) weights in the training
     frames in which each of them is the least or the greatest.
     """
@@ -53,7 +53,9 @@ class RecurrentNetwork(nn.Module):
     shares: Tensor
     extremes: Tensor
 
-    def __init__(self, config: RecurrentConfig, joints: int, cage: int, vertices: int) -> None:
+    def __init__(
+        self, config: RecurrentConfig, joints: int, cage: int, vertices: int, around: int = 3
+    ) -> None:
         super().__init__()
         width, size = config.width, motion_size(joints)
         self.memory = config.memory
@@ -67,8 +69,8 @@ class RecurrentNetwork(nn.Module):
         self.register_buffer("mean", torch.zeros(cage, 3))
         self.register_buffer("shapes", torch.zeros(config.shapes, cage, 3))
         self.register_buffer("extremes", torch.zeros(2 * config.shapes, config.shapes))
-        self.register_buffer("corners", torch.zeros(vertices, 3, dtype=torch.int64))
-        self.register_buffer("shares", torch.zeros(vertices, 3))
+        self.register_buffer("corners", torch.zeros(vertices, around, dtype=torch.int64))
+        self.register_buffer("shares", torch.zeros(vertices, around))
 
     def normalized(self, motion: Tensor) -> Tensor:
         """Body motion (..., C) in standard deviations from its mean in the training."""
