@@ -32,7 +32,7 @@ from uvcloth.files.options import AtLeast
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
-from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, at_rest, make_caged_outfit, next_frame
+from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, dressed, make_caged_outfit, next_frame
 from uvcloth.process.command import run_command
 
 from .motions import FPS, Motions
@@ -114,7 +114,7 @@ def simulate_cage(prepared: CagedOutfit, body: Body, transforms: Tensor) -> Tens
         for transform, vertices in zip(some, posed_skin(body, some), strict=True):
             collider, targets = prepared.collider(vertices), prepared.skinned_cages(transform)
             if state is None:
-                state = at_rest(prepared, collider, targets, 0.0)
+                state = dressed(prepared, body, transform)
             else:
                 state = next_frame(prepared, state, collider, targets, 0.0, FPS)
             offsets.append(torch.from_numpy((state.cloth.vertices() - targets).astype(np.float32)))
