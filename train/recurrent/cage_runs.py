@@ -112,11 +112,11 @@ def simulate_cage(prepared: CagedOutfit, body: Body, transforms: Tensor) -> Tens
     offsets, state = [], None
     for some in transforms.split(POSED_AT_ONCE):
         for transform, vertices in zip(some, posed_skin(body, some), strict=True):
-            collider, targets = prepared.collider(vertices), prepared.skinned_cages(transform)
+            targets = prepared.skinned_cages(transform)
             if state is None:
                 state = dressed(prepared, body, transform)
             else:
-                state = next_frame(prepared, state, collider, targets, 0.0, FPS)
+                state = next_frame(prepared, state, prepared.collider(vertices), targets, 0.0, FPS)
             offsets.append(torch.from_numpy((state.cloth.vertices() - targets).astype(np.float32)))
     stacked = torch.stack(offsets)
     if not torch.isfinite(stacked).all():

@@ -133,7 +133,8 @@ class RecurrentObjective(Objective):
     def _error(self, net: RecurrentNetwork, runs: GarmentRuns) -> float:
         """Mean distance, mm, of a garment's cage to those of held-out runs."""
         errors = []
-        for run, inputs in runs.held_out():
+        for run in runs.held_out():
+            inputs = runs.inputs(run)
             still = inputs[:1].expand(self.losses.unscored, -1)
             weights = net(torch.cat([still, inputs])[None].to(self.device))[0, len(still) :]
             resting = runs.fitted.mean + torch.einsum("tk,knc->tnc", weights.cpu(), runs.fitted.shapes)

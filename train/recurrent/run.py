@@ -1,4 +1,4 @@
-"""`python -m train recurrent`: its settings and presets."""
+"""`uvcloth train recurrent`: its settings and presets."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

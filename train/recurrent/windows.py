@@ -147,15 +147,13 @@ class GarmentRuns:
         self._forget()
         self.take_in()
 
-    def held_out(self) -> Iterator[tuple[CageRun, Tensor]]:
-        """Yield the runs of validation clips, with their inputs (T, C)."""
-        for path in run_files(self.folder / VALIDATION):
-            run = load_run(path)
-            yield run, self._inputs(run)
+    def held_out(self) -> Iterator[CageRun]:
+        """Yield the runs of validation clips."""
+        yield from map(load_run, run_files(self.folder / VALIDATION))
 
     def clips(self, held_out: bool) -> dict[str, str]:
         """Subjects of the clips of the runs, by clip."""
-        return {run.clip: run.subject for run, _ in self.held_out()} if held_out else self._clips
+        return {run.clip: run.subject for run in self.held_out()} if held_out else self._clips
 
     def posed(self, resting: Tensor, transforms: Tensor) -> Tensor:
         """Offsets at rest (T, n, 3), m, as the skinned cage turns them. transforms: (T, J, 3, 4)."""
@@ -192,9 +190,10 @@ class GarmentRuns:
         """A run after a body that stands still, so that no window is too short."""
         still = max(self.windows.unscored, self.windows.length - len(run.offsets))
         weights = self.fitted.weights(self._resting(run))
-        return Learned(self._inputs(run, still), torch.cat([weights[:1].expand(still, -1), weights]))
+        return Learned(self.inputs(run, still), torch.cat([weights[:1].expand(still, -1), weights]))
 
-    def _inputs(self, run: CageRun, still: int = 0) -> Tensor:
+    def inputs(self, run: CageRun, still: int = 0) -> Tensor:
+        """Normalized motion (still + T, C) of a run, after `still` frames in which the body stands."""
         return (self._motion(run, still) - self.fitted.center) / self.fitted.spread
 
     def _motion(self, run: CageRun, still: int = 0) -> Tensor:

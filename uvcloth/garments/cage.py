@@ -357,7 +357,7 @@ def _blended(
     weights = csr_array(
         (shares.ravel(), (np.repeat(np.arange(count), 3), corners.ravel())), shape=(count, len(cage))
     )
-    average = neighbour_average(faces, count).coalesce()
+    average = neighbour_average(faces, count)
     neighbours = csr_array((average.values().numpy(), average.indices().numpy()), shape=(count, count))
     for _ in range(round(BLEND * (coarse / fine) ** 2)):
         weights = 0.5 * (weights + neighbours @ weights)

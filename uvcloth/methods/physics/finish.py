@@ -147,8 +147,8 @@ class Settled(Finish):
         for place, (transforms, vertices) in enumerate(posed(frames)):
             skinned = cages.skinned_cages(transforms)
             predicted = [garment[place].cpu() for garment in raw]
-            targets = _targets(cages, skinned, predicted)
             if self.pull > 0.0:
+                targets = _targets(cages, skinned, predicted)
                 cloth = at_rest(cages, cages.collider(vertices), targets, self.pull)
             else:
                 cloth = dressed(cages, frames.body, transforms)

@@ -4,9 +4,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.geometry.rotations import rotate_back
-
-GRAVITY = 9.81
-"""Acceleration of free fall, m/s2."""
+from uvcloth.geometry.units import GRAVITY
 
 PER_JOINT, OF_ROOT = 15, 6
 """Numbers for each joint, and for the root besides."""

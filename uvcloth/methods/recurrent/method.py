@@ -15,6 +15,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import (
@@ -134,9 +135,8 @@ class Recurrent(Method, Riggable):
 
     def _prepared(self, garment: Garment, body: Body, device: torch.device) -> RecurrentGarment:
         network: RecurrentNetwork = for_inference(self.networks.of(garment.name), device)
-        corners, shares = network.corners, network.shares[..., None]
         mean, shapes = (
-            (values[..., corners, :] * shares).sum(-2).mT for values in (network.mean, network.shapes)
+            gather(values, network.corners, network.shares).mT for values in (network.mean, network.shapes)
         )
         return RecurrentGarment(
             network=network,
