@@ -1,6 +1,6 @@
 """Clearing of a whole outfit: garments are moved off the skin and off the garments beneath them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from uvcloth.physics.cloth.clearing import FineMesh, FineState, clear, follow
 from uvcloth.physics.cloth.cloth import vertex_rings
 from uvcloth.physics.layer_thickness import outfit_thickness
 from uvcloth.physics.layers import InnerLayer, Layer, inner_layer
+from uvcloth.physics.layers_between import kept_apart
 
 CLEARANCE = 0.003
 """Metres that garments keep from the skin, and from each other."""
@@ -49,8 +50,8 @@ class OutfitClearing:
     Clearances are for adults: size is the height of the body over that of the nearest adult. meshes: the
     garments, welded. closed: the body as closed parts. opening: moves these apart to give cloth room. used:
     (C,) the collider's vertices of the parts that cloth may touch. fine, solid: for the kernel, of an adult's
-    size; cages_solid: the same collider for the cages. layers: of each garment those beneath it, the
-    innermost first.
+    size; cages_solid: the same collider for the cages. apart: (G, G) bool, pairs of garments that never meet.
+    layers: of each garment those beneath it that it may meet, by their places among the garments.
     """
 
     size: float
@@ -61,7 +62,8 @@ class OutfitClearing:
     fine: FineMesh
     solid: moving_body.Body
     cages_solid: moving_body.Body
-    layers: tuple[tuple[InnerLayer, ...], ...]
+    apart: Tensor
+    layers: tuple[dict[int, InnerLayer], ...]
 
     @classmethod
     def of(cls, body: Body, meshes: Sequence[Mesh], cages: Tensor | None = None) -> "OutfitClearing":
@@ -72,16 +74,15 @@ class OutfitClearing:
         size, closed = beside_adults(body), make_collider(body)
         rest = body.mesh.vertices / size
         garments = tuple(welded(mesh.vertices, mesh.faces) for mesh in meshes)
-        joined = join_meshes((each.points / size, each.faces) for each in garments)
+        sized = [(each.points / size, each.faces) for each in garments]
+        joined = join_meshes(sized)
         others = torch.zeros(0, 3) if cages is None else cages / size
         parts = (len(joined.vertices), len(others))
         every = closed.touches(torch.cat([joined.vertices, others]), rest)
         met = every.any(1)
         touches, cages_touch = every.split(parts, dim=1)
         used, faces = compact([part for part, is_met in zip(closed.parts, met, strict=True) if is_met])
-        thickness = outfit_thickness(
-            [each.points / size for each in garments], [(each.points / size, each.faces) for each in garments]
-        )
+        thickness, apart = outfit_thickness([points for points, _ in sized], sized), kept_apart(sized)
         rings = vertex_rings(unique_edges(joined.faces).numpy(), len(joined.vertices))
         at_rest = closed.vertices(rest)[used].numpy()
         solid = moving_body.make_body(at_rest, faces, touches[met].numpy())
@@ -94,7 +95,8 @@ class OutfitClearing:
             FineMesh(thickness.numpy(), *rings),
             solid,
             solid._replace(touches=np.ascontiguousarray(cages_touch[met].numpy())),
-            tuple(_layers(garments, size, touch_bits(touches))),
+            apart,
+            tuple(_layers(sized, touch_bits(touches), apart)),
         )
 
     def collider(self, body_vertices: Tensor) -> NDArray[np.float32]:
@@ -130,11 +132,11 @@ class OutfitClearing:
         lifted = torch.from_numpy(fine.positions.copy())
         for outer, layers in enumerate(self.layers):
             parts = lifted.split(sizes)
-            for inner, beneath in enumerate(layers):
+            for inner, beneath in layers.items():
                 beneath.layer.update(parts[inner])
             for turn in range(effort.lifts if layers else 0):
                 moves = torch.zeros_like(lifted)
-                _lift(parts[outer], layers, moves.split(sizes)[outer])
+                _lift(parts[outer], layers.values(), moves.split(sizes)[outer])
                 if turn < effort.lifts - 1:
                     follow(self.fine, lifted.numpy(), moves.numpy())
         garments = (self.size * lifted.double() + torch.from_numpy(origin)).float().split(sizes)
@@ -151,17 +153,23 @@ class OutfitClearing:
         return tuple(after.to(raw.device) for after, raw in zip(finished, garments, strict=True))
 
 
-def _layers(garments: Sequence[WeldedMesh], size: float, touches: Tensor) -> Iterator[tuple[InnerLayer, ...]]:
-    """Of each garment the contacts with those beneath it. touches: (N,) bits of all points."""
-    bits = touches.split([len(each.points) for each in garments])
+def _layers(
+    garments: Sequence[tuple[Tensor, Tensor]], touches: Tensor, apart: Tensor
+) -> Iterator[dict[int, InnerLayer]]:
+    """Of each garment, points (U, 3) m and faces, the contacts with those beneath it that it may meet.
+
+    touches: (N,) bits of all points. apart: (G, G) pairs that never meet.
+    """
+    bits = touches.split([len(points) for points, _ in garments])
     for outer in range(len(garments)):
-        yield tuple(
-            inner_layer(Layer(below.points / size, below.faces), bits[outer], inner)
-            for below, inner in zip(garments[:outer], bits[:outer], strict=True)
-        )
+        yield {
+            inner: inner_layer(Layer(*garments[inner]), bits[outer], bits[inner])
+            for inner in range(outer)
+            if not apart[inner, outer]
+        }
 
 
-def _lift(vertices: Tensor, layers: Sequence[InnerLayer], moves: Tensor) -> None:
+def _lift(vertices: Tensor, layers: Iterable[InnerLayer], moves: Tensor) -> None:
     """Move points (U, 3) m to CLEARANCE off the layers beneath them, and add their moves (U, 3), in place."""
     for beneath in layers:
         rows, distance, normals = beneath.find(vertices)

@@ -184,6 +184,20 @@ def test_pairs_are_found_that_only_come_near_before_the_next_search() -> None:
             assert keys(pairs[distances < MARGIN - ROUNDING]) <= near
 
 
+def test_garments_that_never_meet_are_not_searched_for_each_other() -> None:
+    rest, points, faces = two_layers()
+    below = len(disc(0.1, 9)[1])
+    garment_of = (np.arange(len(faces)) >= below).astype(int)
+    for apart in (np.zeros((2, 2), np.bool_), ~np.eye(2, dtype=np.bool_)):
+        sheet = make_cloth(
+            rest.numpy(), faces.numpy(), [Fabric()] * 2, fabric_of=garment_of, apart=apart
+        ).sheet
+        near, _ = found_pairs(sheet, points.numpy(), np.zeros(points.shape, np.float32))
+        lower = {int(vertex) for vertex in faces[:below].unique()}
+        between = {pair for pair in near if (pair[0] in lower) != (int(sheet.faces[pair[1], 0]) in lower)}
+        assert bool(between) != apart.any()
+
+
 def found_pairs(sheet: Sheet, points: NDArray, speeds: NDArray, seconds: float = 0.0) -> tuple[set, set]:
     """Keys of vertices with faces, and of edges with edges, that the trees find."""
     nodes = len(sheet.tree.ranges)

@@ -183,6 +183,7 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
             [(each.mesh.points, each.mesh.faces) for each in garments],
         ).numpy(),
         fabric_of=np.repeat(np.arange(len(garments)), [len(each.cage.faces) for each in garments]),
+        apart=clearing.apart.numpy(),
         compression=config.compression,
         damping=config.damping,
     )

@@ -43,7 +43,8 @@ class Sheet(NamedTuple):
     faces: (M, 3). edges: (E, 2). owned: (M,) uint8, bits 0 to 2 of the corners and bits 3 to 5 of the edges
     (corner i to i + 1) that a face stands for, so that each is tested once. face_edges: (M, 3) into edges.
     ring_starts: (N + 1,), ring: the vertices on an edge with each vertex. tree: over the faces. halves: (T,),
-    following: (P, 2), where a walk through its pairs of nodes goes on, as `adjacent_walk` says.
+    following: (P, 2), where a walk through its pairs of nodes goes on, as `adjacent_walk` says. apart: (K, K)
+    bool, pairs of pieces, the K roots of the tree, that do not touch.
     spacing: m, least distance of vertices along the mesh that are no neighbours, in slightly squeezed cloth.
     """
 
@@ -56,6 +57,7 @@ class Sheet(NamedTuple):
     tree: Tree
     halves: NDArray[np.int32]
     following: NDArray[np.int32]
+    apart: NDArray[np.bool_]
     spacing: np.float32
 
 
@@ -84,13 +86,15 @@ def make_cloth(
     mass_factor: Floats | None = None,
     thickness: Floats | None = None,
     fabric_of: Integers | None = None,
+    apart: NDArray[np.bool_] | None = None,
     compression: float = 1.0,
     damping: Damping = Damping(),
     moved_mass: float = 0.01,
 ) -> Cloth:
     """Make cloth of a mesh at rest, (N, 3) m and (M, 3).
 
-    fabric: of the cloth; or several, and fabric_of: (M,) which of them each face is of. mass_factor: (N,) on
+    fabric: of the cloth; or several, one a garment, and fabric_of: (M,) which of them each face is of. apart:
+    (G, G), pairs of garments that do not touch, because others lie between them. mass_factor: (N,) on
     the mass of vertices; gravity acts on their mass without it. thickness: (N,) m of other cloth beneath.
     compression: share of the membrane's stiffness that is left at the beginning of compression; it grows to 1
     where a face is flat. moved_mass: share of the mass that is moved to the stiffest vertices, so that a few
@@ -100,9 +104,8 @@ def make_cloth(
     rest = np.ascontiguousarray(rest, np.float64)
     factor = np.ones(len(rest)) if mass_factor is None else np.asarray(mass_factor, np.float64)
     area, inverse = _flattened(rest, faces)
-    fabrics, of_face = (
-        ([fabric], np.zeros(len(faces), int)) if isinstance(fabric, Fabric) else (fabric, fabric_of)
-    )
+    fabrics = [fabric] if isinstance(fabric, Fabric) else fabric
+    of_face = np.zeros(len(faces), int) if fabric_of is None else fabric_of
     materials = np.array([astuple(each) for each in fabrics])[of_face]
     density, stretch, poisson, bend, friction_of, drag = materials.T
     mass = np.zeros(len(rest))
@@ -138,7 +141,7 @@ def make_cloth(
             pressure=_padded(0.5 * AIR_DENSITY * drag, np.float32),
         ),
         _hinges(rest, faces, bend, damping.bend),
-        _sheet(rest, faces),
+        _sheet(rest, faces, of_face, np.zeros((len(fabrics),) * 2, np.bool_) if apart is None else apart),
     )
 
 
@@ -215,9 +218,12 @@ def vertex_rings(edges: Integers, count: int) -> tuple[NDArray[np.int32], NDArra
     return starts.astype(np.int32), np.ascontiguousarray(both[:, 1], np.int32)
 
 
-def _sheet(rest: NDArray[np.float64], faces: Integers) -> Sheet:
+def _sheet(
+    rest: NDArray[np.float64], faces: Integers, garment_of: Integers, apart: NDArray[np.bool_]
+) -> Sheet:
     # In pieces, so that the faces of a node of the tree are mostly one patch.
     pieces = face_components(faces, np.zeros(0, np.int64))
+    garments = garment_of[np.unique(pieces, return_index=True)[1]]
     faces = faces[np.argsort(pieces, kind="stable")]
     directed, owner = edges_of(faces)
     _, first, which = np.unique(edge_keys(directed, len(rest)), return_index=True, return_inverse=True)
@@ -239,6 +245,7 @@ def _sheet(rest: NDArray[np.float64], faces: Integers) -> Sheet:
         tree=tree,
         halves=halves,
         following=following,
+        apart=apart[garments[:, None], garments],
         spacing=np.float32(
             SPACING * np.quantile(np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1), 0.1)
         ),

@@ -135,6 +135,8 @@ def _walk(
     top = count = 0
     for i in range(len(tree.roots)):
         for j in range(i, len(tree.roots)):
+            if sheet.apart[i, j]:
+                continue
             stack[top, 0], stack[top, 1], stack[top, 2] = tree.roots[i], tree.roots[j], APART
             top += 1
     while top > 0:
