@@ -116,9 +116,9 @@ def faults(source: str) -> Iterator[str]:
                     yield f"line {node.lineno}: path {text}"
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_nothing_holds_on_linux_alone(path: Path) -> None:
-    assert list(faults(path.read_text(encoding="utf-8"))) == []
+def test_nothing_holds_on_linux_alone() -> None:
+    found = {path: list(faults(path.read_text(encoding="utf-8"))) for path in FILES}
+    assert {path: words for path, words in found.items() if words} == {}
 
 
 @pytest.mark.parametrize(

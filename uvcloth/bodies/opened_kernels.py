@@ -151,7 +151,8 @@ def _find_near(
                 inside &= (place > low[other, axis] - REACH) and (place < high[other, axis] + REACH)
             if inside:
                 near[start + count] = point
-                places[point] = corners[plan.points[point]]
+                for axis in range(3):
+                    places[point, axis] = corners[plan.points[point], axis]
                 count += 1
         counts[side] = count
 
@@ -248,7 +249,8 @@ def _measure(
     """
     for side in range(len(counts)):
         for row in range(plan.starts[side], plan.starts[side] + counts[side]):
-            sums[near[row]] = 0.0
+            for term in range(8):
+                sums[near[row], term] = 0.0
     zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     reach, pair = np.float32(1.0 / (REACH * REACH)), 0
     while pair < len(first):

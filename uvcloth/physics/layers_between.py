@@ -36,8 +36,8 @@ def kept_apart(garments: Sequence[tuple[Tensor, Tensor]]) -> Tensor:
 
 def _distances(points: Tensor, layers: Sequence[Layer]) -> Tensor:
     """Distance (G, N) m of points (N, 3) m from each layer that covers them, or that they cover."""
-    found = [layer.beside(points, LOOKED) for layer in layers]
-    return torch.stack([each.distance.abs().where(each.covered, torch.inf) for each in found])
+    nearby = [layer.beside(points, LOOKED) for layer in layers]
+    return torch.stack([each.distance.abs().where(each.covered, torch.inf) for each in nearby])
 
 
 def _hidden(distance: Tensor, between: Tensor) -> bool:

@@ -115,7 +115,9 @@ def find_contacts(body: Body, passage: Passage, share: Number, positions: Array,
     The body is at a share of its way. A part is not searched for a vertex that cannot come near it until the
     next search.
     """
-    passage.points[:] = (ONE - share) * passage.start + share * passage.end
+    for vertex in range(len(passage.points)):
+        point = combine(ONE - share, load(passage.start, vertex), share, load(passage.end, vertex))
+        store(passage.points, vertex, point)
     fit_patches(body, passage.points, passage.boxes)
     vertices, faces = np.empty(body.touches.size, np.int32), np.empty(body.touches.size, np.int32)
     stack, distances = np.empty(DEPTH, np.int32), np.empty(DEPTH, np.float32)
