@@ -1,20 +1,22 @@
-"""The cost of a dressed frame, stage by stage and method by method, beside the cloth engine in the same run.
+"""The cost of a dressed frame, stage by stage and outfit by outfit, from the motion to the fine vertices.
 
 Run from the checkout with PYTHONPATH=. as
 
-    OMP_NUM_THREADS=1 python benchmarks/frame.py [--clip walk] [--engine]
+    OMP_NUM_THREADS=1 python benchmarks/frame.py [--models physics@fast physics] [--layers 2 5 10 20]
 
 Every figure is processor time on one thread, in milliseconds per frame: the median of several rollouts of the
-mean over their frames, so that other programs on the machine count little; its load is printed beside it. The
-engine's is the processor time of its whole process over the frames that it simulates, the way there included.
+mean over their frames, so that other programs on the machine count little; its load is printed beside it.
+Cages, kernels and the first frame do not count. With --layers it wears so many skirts over each other, 4 mm
+apart, instead of outfits.
 """
 
 import os
+import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from pkgutil import resolve_name
 from statistics import median
@@ -27,74 +29,80 @@ from rich.console import Console
 from rich.table import Table
 
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.garments.garment import Outfit
+from uvcloth.errors import InputError
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.templates import fit_template
+from uvcloth.geometry.mesh import vertex_normals
+from uvcloth.methods.method import Method
+from uvcloth.methods.physics.finish import Finished
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
+from uvcloth.process.command import run_command
 from uvcloth.rollout import rollout
 
-SHARED = {
-    "body: posing": "uvcloth.rollout:body_frames",
-    "clearing: opened collider": "uvcloth.physics.outfit_clearing:OutfitClearing.collider",
-    "clearing: all else": "uvcloth.physics.outfit_clearing:OutfitClearing.clear",
-    "clearing: layers": "uvcloth.physics.layers:Layer.beside",
-}
-"""Stages of every rollout."""
-
-METHOD = "method: all else"
-"""What a method's step does beside the stages below."""
-
 STAGES = {
-    "physxnet": {
-        METHOD: "uvcloth.methods.physxnet.method:PhysXNet.step",
-        "method: motion maps": "uvcloth.methods.physxnet.method:PhysXNet._motion",
-        "method: network": "uvcloth.methods.physxnet.network:GarmentNet.forward",
-        "method: decoding": "uvcloth.methods.physxnet.method:garment_vertices",
-    },
-    "motion_guided": {
-        METHOD: "uvcloth.methods.motion_guided.method:MotionGuided.step",
-        "method: feeding back": "uvcloth.methods.motion_guided.method:MotionGuided.feed_back",
-        "method: motion maps": "uvcloth.methods.motion_guided.dynamics_input:motion_of",
-        "method: forces": "uvcloth.methods.motion_guided.dynamics_input:contact_forces",
-        "method: forces' maps": "uvcloth.methods.motion_guided.descriptor:SeedForces.forward",
-        "method: network": "uvcloth.methods.motion_guided.latent:Dynamics.forward",
-        "method: decoding": "uvcloth.methods.motion_guided.dynamics_input:rest_shape",
-    },
-    "pbns": {
-        METHOD: "uvcloth.methods.pbns.method:PBNS.step",
-        "method: network": "uvcloth.methods.pbns.network:PBNSNetwork.deform",
-    },
-    "lbs_smooth": {METHOD: "uvcloth.methods.lbs:LinearBlendSkinning.step"},
+    "body": "uvcloth.bodies.stream:body_frames",
+    "opened collider": "uvcloth.physics.outfit_clearing:OutfitClearing.collider",
+    "solver": "uvcloth.methods.physics.outfit:step",
+    "clearing off the body": "uvcloth.physics.outfit_clearing:clear",
+    "clearing off layers": "uvcloth.physics.outfit_clearing:_lift",
+    "network": "uvcloth.methods.physxnet.network:GarmentNet.forward",
 }
-"""Stages of each method: those after the first are parts of it or stand beside it."""
+"""Stages and their functions; all else is in the row of that name."""
 
-OUTFITS = {
-    "physxnet": (("dress",), ("bottoms", "tops")),
-    "motion_guided": (("dress",),),
-    "pbns": (("bottoms", "tops"),),
-    "lbs_smooth": (("dress",), ("bottoms", "tops")),
-}
-"""What each method is measured on, the innermost garment first."""
+OUTFITS = (("dress",), ("bottoms", "tops"), ("bottoms", "shirt", "jacket"))
+"""Outfits, the innermost garment first."""
 
-WIDTH = 130
+SPACING = 0.004
+"""Metres between layers."""
+
+WIDTH = 160
 """Characters that the table needs, at most."""
 
 
 @dataclass(frozen=True)
-class Options:
+class Frame:
     """Measure dressed frames."""
 
-    methods: tuple[str, ...] = tuple(OUTFITS)
-    """Methods to measure."""
+    models: tuple[str, ...] = ("physics@fast", "physics", "physics@fine", "physxnet", "physxnet@dynamic")
+    """Models; after @ a quality of physics, or `dynamic` for a network's finish."""
     clip: str = "walk"
     """A clip."""
     frames: int = 60
     """Frames of it."""
     rounds: int = 3
     """Rollouts of each; the median counts."""
-    engine: bool = False
-    """Measure the cloth engine too, which takes minutes."""
+    layers: tuple[int, ...] = ()
+    """Numbers of skirts over each other."""
+
+    def run(self) -> None:
+        """Print the table. Raises InputError for a model that is not there."""
+        torch.set_num_threads(1)
+        torch.set_grad_enabled(False)
+        body = load_body()
+        clip = load_clip(self.clip, body).window(0, self.frames)
+        outfits = {f"{count} skirts": _skirts(count, body) for count in self.layers} or {
+            ", ".join(names): load_outfit(names, body) for names in OUTFITS
+        }
+        table = Table("ms a frame, one thread", *STAGES, "all else", "whole frame")
+        for model in self.models:
+            method = _method(model, body)
+            for name, garments in outfits.items():
+                outfit = Outfit(body, garments)
+                if not method.unsupported_reason(outfit):
+                    rounds = [_measured(method, outfit, clip) for _ in range(self.rounds)]
+                    spent = [median(each[stage] for each in rounds) for stage in rounds[0]]
+                    table.add_row(f"{model}: {name}", *(f"{each:.2f}" for each in spent))
+        console = Console(width=max(Console().width, WIDTH))
+        console.print(table)
+        load = ", ".join(f"{each:.1f}" for each in os.getloadavg())
+        console.print(
+            f"{clip.name}, {len(clip)} frames, load of the machine {load} on {os.cpu_count()} cores"
+        )
 
 
 class Clock:
@@ -123,74 +131,53 @@ class Clock:
 
 
 @contextmanager
-def clocked(stages: dict[str, str]) -> Iterator[Clock]:
-    """A clock on functions, each named as module:attribute."""
+def clocked() -> Iterator[Clock]:
+    """A clock on the functions of STAGES."""
     clock = Clock()
     with ExitStack() as stack:
-        for stage, place in stages.items():
+        for stage, place in STAGES.items():
             owner, _, name = place.replace(":", ".").rpartition(".")
             run = clock.timed(stage, resolve_name(place))
             stack.enter_context(patch.object(resolve_name(owner), name, run))
         yield clock
 
 
-def measure(method: str, names: Sequence[str], body: Body, clip: Clip) -> dict[str, float]:
-    """Milliseconds of each stage of a frame, and of the whole; the first frame does not count."""
-    outfit = Outfit(body, tuple(fit_template(name, body) for name in names))
-    with clocked(SHARED | STAGES[method]) as clock:
-        frames = rollout(load_method(method, body), outfit, clip.transforms(), clip.fps)
+def _measured(method: Method, outfit: Outfit, clip: Clip) -> dict[str, float]:
+    """Milliseconds of each stage of a frame, of all else and of the whole."""
+    with clocked() as clock:
+        frames = rollout(method, outfit, clip.transforms(torch.float64), clip.fps)
         next(frames)
-        posing = clock.spent["body: posing"]
+        # The body is posed for several frames at once, before the first of them.
+        posing = clock.spent["body"]
         clock.spent.clear()
         begun = time.thread_time()
         counted = sum(1 for _ in frames)
-        whole = time.thread_time() - begun
-    # The body is posed for several frames at once, before the first of them.
-    spent = {stage: clock.spent[stage] for stage in SHARED | STAGES[method]}
-    spent["body: posing"] += posing
-    spent["all else"] = whole + posing - sum(spent.values())
-    spent["whole frame"] = whole + posing
+        whole = time.thread_time() - begun + posing
+    spent = {stage: clock.spent[stage] for stage in STAGES}
+    spent["body"] += posing
+    spent |= {"all else": whole - sum(spent.values()), "whole frame": whole}
     return {stage: 1e3 * seconds / counted for stage, seconds in spent.items()}
 
 
-def engine(names: Sequence[str], body: Body, clip: Clip) -> float:
-    """Milliseconds of a frame of the default cloth engine."""
-    from uvcloth.garments.joined import join
-    from uvcloth.motion.lead_in import LeadIn
-    from uvcloth.simulate.newton import Newton
-    from uvcloth.simulate.run import simulate
-
-    cloth = tuple(join(fit_template(name, body), body) for name in names)
-    lead_in = LeadIn(rest=1, blend=8, ramp=4)
-    begun = time.process_time()
-    made = simulate(clip.window(0, 10), 0, cloth, body, Newton(), lead_in)
-    return 1e3 * (time.process_time() - begun) / len(made.transforms)
+def _method(model: str, body: Body) -> Method:
+    name, _, variant = model.partition("@")
+    if name == "physics":
+        return Physics(PhysicsConfig(variant or "default"))
+    if variant not in ("", "dynamic"):
+        raise InputError(f"--models {model}: expected {name} or {name}@dynamic")
+    method = load_method(name, body)
+    return Finished.of(method, Physics(PhysicsConfig())) if variant else method
 
 
-def main(options: Options) -> None:
-    torch.set_num_threads(1)
-    body = load_body()
-    clip = load_clip(options.clip, body).window(0, options.frames)
-    console = Console(width=max(Console().width, WIDTH))
-    cases = [(method, names) for method in options.methods for names in OUTFITS[method]]
-    results = []
-    for method, names in cases:
-        rounds = [measure(method, names, body, clip) for _ in range(options.rounds)]
-        results.append({stage: median(each[stage] for each in rounds) for stage in rounds[0]})
-    stages = list(dict.fromkeys(stage for result in results for stage in result))
-    last = ["all else", "whole frame"]
-    table = Table("ms a frame, one thread")
-    for method, names in cases:
-        table.add_column(f"{method}\n{', '.join(names)}", justify="right")
-    for stage in sorted(stages, key=lambda stage: (stage in last, stage)):
-        table.add_row(stage, *(f"{result[stage]:.2f}" if stage in result else "" for result in results))
-    if options.engine:
-        costs = {names: engine(names, body, clip) for names in {names for _, names in cases}}
-        table.add_row("cloth engine", *(f"{costs[names]:.0f}" for _, names in cases))
-    console.print(table)
-    load = ", ".join(f"{each:.1f}" for each in os.getloadavg())
-    console.print(f"{clip.name}, {len(clip)} frames, load of the machine {load} on {os.cpu_count()} cores")
+def _skirts(count: int, body: Body) -> tuple[Garment, ...]:
+    """Skirts over each other, the innermost first."""
+    skirt = fit_template("skirt", body)
+    normals = vertex_normals(skirt.mesh.vertices, skirt.mesh.faces)
+    return tuple(
+        replace(skirt, mesh=replace(skirt.mesh, vertices=skirt.mesh.vertices + SPACING * layer * normals))
+        for layer in range(count)
+    )
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options))
+    sys.exit(run_command("frame.py", lambda: tyro.cli(Frame).run()))
