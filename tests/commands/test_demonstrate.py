@@ -1,6 +1,7 @@
-"""The demo: its motion stops, and its pictures have the simulation and all methods at the same moments."""
+"""The demo: a motion stops, and the pictures have the simulation and all methods at the same moments."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -42,7 +43,7 @@ def commands(monkeypatch, body):
             (garment,) = made.garments
             moved = replace(garment, vertices=skinned(name, joints))
             clip = replace(made, garments=(moved,), transforms=joints, warm_up=LEAD)
-            save_simulated(clip, folder / f"stop_{name}.npz")
+            save_simulated(clip, folder / f"{Path(motion).stem}_{name}.npz")
 
     def animate(command, audience=None):
         known.append(command)
@@ -68,7 +69,7 @@ def commands(monkeypatch, body):
 def test_all_methods_are_drawn_below_the_simulation_at_the_same_moments(
     tmp_path, monkeypatch, capsys, commands
 ):
-    monkeypatch.setattr(demo, "MOMENTS", (-0.2, 0.1))
+    monkeypatch.setattr(demo, "MOMENTS", dict.fromkeys(demo.MOMENTS, (-0.2, 0.1)))
     demo.demonstrate(tmp_path)
     printed = capsys.readouterr().out
     for outfit in demo.OUTFITS:
@@ -81,14 +82,14 @@ def test_all_methods_are_drawn_below_the_simulation_at_the_same_moments(
             np.testing.assert_allclose(row.astype(int), drawn[0].astype(int), rtol=0, atol=1)
         network = outfit.network
         assert f"simulation, {network} cleared, {network} with --finish dynamic, physics" in printed
-    ways = [(c.garment, c.model, c.finish) for c in commands if hasattr(c, "finish")]
+    ways = [(Path(c.motion).stem, c.garment, c.model, c.finish) for c in commands if hasattr(c, "finish")]
     for outfit in demo.OUTFITS:
         for model, finish in (
             (outfit.network, "clear"),
             (outfit.network, "dynamic"),
             ("physics", "clear"),
         ):
-            assert ways.count((outfit.garments, (model,), finish)) == 1
+            assert ways.count((outfit.motion, outfit.garments, (model,), finish)) == 1
 
 
 def test_everything_moves_over_a_motion_that_stops_at_the_moment_that_is_called_so(
@@ -102,7 +103,16 @@ def test_everything_moves_over_a_motion_that_stops_at_the_moment_that_is_called_
     still = int((moves > 1e-6).nonzero().max()) + 1
     assert [command.motion for command in commands] == 3 * [str(tmp_path / "stop.npz")]
     assert still == demo.standstill(motion.fps)
-    assert still + max(demo.MOMENTS) * motion.fps < len(motion)
+    assert still + max(demo.MOMENTS["stop"]) * motion.fps < len(motion)
+
+
+def test_a_leg_is_highest_when_the_demo_says_so(body):
+    kick = load_clip(demo.KICK, body)
+    heads = torch.cat([body.skeleton.heads, torch.ones(len(body.skeleton.heads), 1)], 1)
+    heights = (kick.transforms() @ heads[:, :, None])[:, :, 2, 0]
+    feet = [body.skeleton.names.index(f"{side}Foot") for side in ("Left", "Right")]
+    assert abs(int(heights[:, feet].amax(1).argmax()) - demo.HIGHEST) <= 1
+    assert demo.HIGHEST + max(demo.MOMENTS[demo.KICK]) * kick.fps < len(kick)
 
 
 def test_a_refused_simulation_is_named(tmp_path, monkeypatch, commands):

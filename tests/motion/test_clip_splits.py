@@ -34,7 +34,15 @@ def test_whole_clips_are_held_out(tmp_path: Path, count: int, held_out: tuple[in
 def test_no_clips_are_the_builtin_ones() -> None:
     sources = find_sources(())
     assert [source.name for source in sources] == list(builtin_clips())
-    assert [source.split for source in sources] == ["train", "train", "train", "validation", "test", "train"]
+    assert [source.split for source in sources] == [
+        "train",
+        "train",
+        "train",
+        "validation",
+        "test",
+        "train",
+        "train",
+    ]
 
 
 INDEX = "a1,ann,train,,0,9\na2,ann,train,,0,9\nb,bob,validation,,0,9\nc,cid,test,,0,9\nd,cid,unused,,0,9\n"

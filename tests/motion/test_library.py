@@ -126,7 +126,7 @@ def test_a_person_beyond_what_single_precision_holds_is_refused(tmp_path: Path, 
 
 
 def test_an_unknown_name_lists_the_known_ones(body: Body) -> None:
-    with pytest.raises(InputError, match=r"moonwalk.*dance, jump, run, spin, twirl, walk"):
+    with pytest.raises(InputError, match=r"moonwalk.*dance, jump, kick, run, spin, twirl, walk"):
         load_clip("moonwalk", body)
     with pytest.raises(InputError, match=r"absent\.bvh: no such file"):
         load_clip("absent.bvh", body)

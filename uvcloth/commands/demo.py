@@ -10,7 +10,7 @@ from uvcloth.files.options import NewFolder
 
 @dataclass(frozen=True)
 class Demo:
-    """Compare simulation, networks, networks over physics, and physics over a motion that stops suddenly."""
+    """Compare simulation, networks, networks over physics, and physics in a stop and a kick."""
 
     out: Annotated[Path, NewFolder()] = Path("demo")
     """Folder for all results."""

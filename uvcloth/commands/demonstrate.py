@@ -1,4 +1,4 @@
-"""One story from the data of the package: a motion stops suddenly, and garments are moved over it.
+"""One story from the data of the package: garments are moved over a sudden stop and over a kick.
 
 They are simulated, predicted by networks, predicted by networks over physics, and moved by physics alone.
 """
@@ -34,25 +34,39 @@ from uvcloth.simulate.plan import ClipSelection
 CLIP, FRAMES, STANDING = "twirl", 18, 1.0
 """A built-in clip, the number of its first frames that are used, and the seconds that the stop adds."""
 
-MOMENTS = (-0.2, 0.0, 0.1, 0.2, 0.4, 0.8)
-"""Seconds after the body has come to a standstill that are drawn."""
+KICK, HIGHEST = "kick", 22
+"""A built-in clip, and the frame in which its leg is highest."""
+
+MOMENTS = {"stop": (-0.2, 0.0, 0.1, 0.2, 0.4, 0.8), KICK: (-0.4, -0.1, 0.0, 0.1, 0.3, 0.7)}
+"""Seconds that are drawn, after the body has come to a standstill, and after the leg is highest."""
 
 PICTURE_SIZE = (220, 300)
 
 
 @dataclass(frozen=True)
+class DemoMotion:
+    """A motion: its file or built-in name, and the frame that moments are counted from, in words too."""
+
+    source: str
+    clip: Clip
+    zero: int
+    event: str
+
+
+@dataclass(frozen=True)
 class DemoOutfit:
-    """Templates that are simulated together, the innermost first, and the shipped model for them."""
+    """Templates that are simulated together, innermost first, the shipped model for them, and the motion."""
 
     name: str
     garments: tuple[str, ...]
     network: str
+    motion: str
 
-    def rollouts(self, motion: Path, out: Path) -> dict[str, Rollout]:
+    def rollouts(self, motion: DemoMotion, out: Path) -> dict[str, Rollout]:
         """The rollouts that are compared with the simulation, by what they are called."""
         network = f"{self.name}_{self.network}"
         cleared = Rollout(
-            str(motion), self.garments, (out / f"{network}.glb",), (self.network,), finish="clear"
+            motion.source, self.garments, (out / f"{network}.glb",), (self.network,), finish="clear"
         )
         return {
             f"{self.network} cleared": cleared,
@@ -64,8 +78,9 @@ class DemoOutfit:
 
 
 OUTFITS = (
-    DemoOutfit("dress", ("dress",), "motion_guided"),
-    DemoOutfit("layers", ("bottoms", "tops"), "physxnet"),
+    DemoOutfit("dress", ("dress",), "motion_guided", "stop"),
+    DemoOutfit("layers", ("bottoms", "tops"), "physxnet", "stop"),
+    DemoOutfit(KICK, ("dress",), "motion_guided", KICK),
 )
 
 FROM_FILES = {"casual": ("deepsd", "female_casualsuit01.mhclo"), "skirt": ("physics", "miniskirt.obj")}
@@ -89,29 +104,36 @@ class Snapshots:
 
 
 def demonstrate(out: Path) -> None:
-    """Simulate outfits over a motion that stops suddenly, roll methods out on it, write files and pictures.
+    """Simulate outfits over a sudden stop and a kick, roll methods out on both, write files and pictures.
 
     `make demo` then lets `uvcloth evaluate` compare the methods in a report. Raises InputError if the
     folder cannot be written.
     """
     console, body = Console(), load_body()
-    motion = out / "stop.npz"
+    stop = out / "stop.npz"
     clip = come_to_rest(load_clip(CLIP, body).window(0, FRAMES), STANDING)
-    save_clip(clip, motion, f"The first {FRAMES} frames of the built-in clip {CLIP}, and a sudden stop.")
+    save_clip(clip, stop, f"The first {FRAMES} frames of the built-in clip {CLIP}, and a sudden stop.")
+    motions = {
+        "stop": DemoMotion(str(stop), clip, standstill(clip.fps), "the body stands still"),
+        KICK: DemoMotion(KICK, load_clip(KICK, body), HIGHEST, "the leg is highest"),
+    }
     console.print(
-        f"1. Simulating a dress, and a T-shirt over trousers, over {motion}, a turn that stops suddenly"
+        f"1. Simulating a dress, and a T-shirt over trousers, over {stop}, a turn that stops suddenly; and "
+        "the dress over a kick"
     )
-    simulate_batch(ClipSelection([str(motion)]), [o.garments for o in OUTFITS], out / "sequences", body)
-    console.print("2. Rolling out on the same motion: networks, networks over physics, physics")
+    for name, motion in motions.items():
+        worn = [outfit.garments for outfit in OUTFITS if outfit.motion == name]
+        simulate_batch(ClipSelection([motion.source]), worn, out / "sequences", body)
+    console.print("2. Rolling out on the same motions: networks, networks over physics, physics")
     for outfit in OUTFITS:
-        _compare(outfit, motion, clip, body, console)
+        _compare(outfit, motions[outfit.motion], out, body, console)
     console.print("3. Rolling out garment files: DeePSD on MakeHuman's top and leggings, physics on a skirt")
     for name, (model, file) in FROM_FILES.items():
         garment = str(files("uvcloth") / "data" / "garments" / file)
         written = tuple(out / f"{name}.{suffix}" for suffix in ("glb", "usdc"))
-        _print(console, animate(Rollout(str(motion), (garment,), written, (model,))).lines())
+        _print(console, animate(Rollout(str(stop), (garment,), written, (model,))).lines())
     console.print("4. Exporting PBNS as a rig")
-    _print(console, export(Export("pbns", out / "outfit_rig.glb", motion=str(motion))).lines())
+    _print(console, export(Export("pbns", out / "outfit_rig.glb", motion=str(stop))).lines())
 
 
 def standstill(fps: float) -> int:
@@ -119,33 +141,31 @@ def standstill(fps: float) -> int:
     return FRAMES - 1 + round(BRAKING_SECONDS * fps / 2)
 
 
-def _compare(outfit: DemoOutfit, motion: Path, clip: Clip, body: Body, console: Console) -> None:
+def _compare(outfit: DemoOutfit, motion: DemoMotion, out: Path, body: Body, console: Console) -> None:
     """Roll an outfit out by all methods, and draw them below its simulation."""
-    simulated = _simulated(outfit, motion)
-    moments = [standstill(clip.fps) + round(seconds * clip.fps) for seconds in MOMENTS]
+    simulated = _simulated(outfit, out / "sequences")
+    drawn = MOMENTS[outfit.motion]
+    moments = [motion.zero + round(seconds * motion.clip.fps) for seconds in drawn]
     rows = {
         "simulation": [
             tuple(garment.vertices[simulated.warm_up + moment] for garment in simulated.garments)
             for moment in moments
         ]
     }
-    for name, command in outfit.rollouts(motion, motion.parent).items():
+    for name, command in outfit.rollouts(motion, out).items():
         snapshots = Snapshots(moments)
         _print(console, [f"{outfit.name}, {name}:", *animate(command, snapshots).lines()])
         rows[name] = snapshots.garments
-    path = motion.parent / f"{outfit.name}.png"
+    path = out / f"{outfit.name}.png"
     posed = posed_skin(body, simulated.transforms[simulated.warm_up :][moments])
     write_png(path, _sheet(rows, posed, simulated, body))
-    seconds = ", ".join(f"{moment:g}" for moment in MOMENTS)
-    _print(
-        console, [f"{path}: from top to bottom {', '.join(rows)}", f"{seconds} s after the body stands still"]
-    )
+    seconds = ", ".join(f"{moment:g}" for moment in drawn)
+    _print(console, [f"{path}: from top to bottom {', '.join(rows)}", f"{seconds} s after {motion.event}"])
 
 
-def _simulated(outfit: DemoOutfit, motion: Path) -> SimulatedClip:
+def _simulated(outfit: DemoOutfit, folder: Path) -> SimulatedClip:
     """The simulation of an outfit. Raises InputError if it was refused."""
-    folder = motion.parent / "sequences"
-    paths = [folder / f"{motion.stem}_{garment}.npz" for garment in outfit.garments]
+    paths = [folder / f"{outfit.motion}_{garment}.npz" for garment in outfit.garments]
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: the simulation was rejected, see {folder / 'rejected'}")
