@@ -86,7 +86,9 @@ def made(name: str, options: Options) -> Path:
     if not complete.exists():
         subprocess.run([options.uv, "venv", "--clear", "--python", version, folder], check=True)
         wanted = ["--requirements", "pyproject.toml", "--all-extras", "--resolution", resolution]
-        subprocess.run([options.uv, "pip", "install", "--python", python, *wanted], check=True)
+        install: list[str | Path] = [options.uv, "pip", "install", "--python", python]
+        subprocess.run([*install, *wanted], check=True)
+        subprocess.run([*install, "--no-deps", "--editable", "."], check=True)
         complete.touch()
     return python
 
