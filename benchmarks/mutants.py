@@ -5,7 +5,8 @@ python benchmarks/mutants.py --out ../mutants --room export --count 30
 Plants one fault at a time into a copy of the checkout: another operator, a lost sign, another index or axis,
 a changed number, a turned condition, a dropped statement. --seed draws the places. Results are lines of
 OUT/results.jsonl; a run with the same OUT goes on where the last one ended. A mutant is tested by the tests
-of its room alone, in a fork of this process, in which the libraries are loaded once. For a file with compiled
+of its room alone, those named after its file first, in a fork of this process, in which the libraries are
+loaded once. For a file with compiled
 loops the cache is new: loops that were compiled before contain the old code of others.
 
 mutmut's trampolines cannot be compiled by Numba. cosmic-ray neither samples nor drops statements, and starts
@@ -60,7 +61,8 @@ ROOMS = {
     "rollout": Room(
         ("uvcloth/rollout.py", "uvcloth/looped.py"), ("tests/test_rollout.py", "tests/test_looped.py")
     ),
-    "physics": Room(("uvcloth/physics/*.py", "uvcloth/physics/cloth/*.py"), ("tests/physics",)),
+    "physics": Room(("uvcloth/physics/*.py",), ("tests/physics/test_*.py",)),
+    "cloth": Room(("uvcloth/physics/cloth/*.py",), ("tests/physics/cloth/test_*.py",)),
     "retarget": Room(
         tuple(f"uvcloth/motion/{name}.py" for name in ("retarget", "rest", "arms", "posture", "clip", "bvh")),
         tuple(f"tests/motion/test_{name}.py" for name in ("retarget", "rest", "bvh", "families")),
@@ -210,15 +212,15 @@ class Tried:
     seconds: float
 
 
-def try_tests(copy: Path, tests: tuple[str, ...], cache: Path, limit: int) -> Tried:
-    """Run tests in a fork of this process."""
+def try_tests(copy: Path, room: Room, cache: Path, limit: int, file: str = "") -> Tried:
+    """Run the tests of a room in a fork of this process, those named after `file` first."""
     said = copy.parent / "failed"
     said.unlink(missing_ok=True)
     child = os.fork()
     if not child:
         code = 99
         try:
-            code = _run_tests(copy, tests, cache, limit, said)
+            code = _run_tests(copy, tests_of(room, copy, file), cache, limit, said)
         finally:
             os._exit(code)
     _, status, used = os.wait4(child, 0)
@@ -229,7 +231,14 @@ def try_tests(copy: Path, tests: tuple[str, ...], cache: Path, limit: int) -> Tr
     return Tried("survived" if os.WEXITSTATUS(status) == 0 else "killed", by, seconds)
 
 
-def _run_tests(copy: Path, tests: tuple[str, ...], cache: Path, limit: int, said: Path) -> int:
+def tests_of(room: Room, copy: Path, file: str) -> list[str]:
+    """Paths of the tests of a room, those named after `file` first."""
+    paths = [path for test in room.tests for path in sorted(copy.glob(test))]
+    paths.sort(key=lambda path: not file or Path(file).stem not in path.stem)
+    return [str(path.relative_to(copy)) for path in paths]
+
+
+def _run_tests(copy: Path, paths: list[str], cache: Path, limit: int, said: Path) -> int:
     """The exit code of pytest in the copy of the checkout."""
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
     os.chdir(copy)
@@ -239,7 +248,6 @@ def _run_tests(copy: Path, tests: tuple[str, ...], cache: Path, limit: int, said
     with (copy.parent / "output").open("w") as stream:
         os.dup2(stream.fileno(), 1)
         os.dup2(stream.fileno(), 2)
-        paths = [str(path.relative_to(copy)) for test in tests for path in sorted(copy.glob(test))]
         return pytest.main(
             ["-x", "-q", "-n0", "-p", "no:cacheprovider", *paths], plugins=[FirstFailure(said)]
         )
@@ -301,7 +309,7 @@ class Mutants:
 
     def _limit(self, name: str, room: Room, copy: Path, folder: Path) -> int:
         """CPU seconds for a mutant; the tests have to pass without one."""
-        tried = try_tests(copy, room.tests, folder / "cache", 3600)
+        tried = try_tests(copy, room, folder / "cache", 3600)
         print(f"{name}: {tried.seconds} CPU s without a fault", flush=True)
         if tried.outcome != "survived":
             raise SystemExit(f"{name}: the tests fail without a fault: {tried.by}, {folder / 'output'}")
@@ -315,7 +323,7 @@ class Mutants:
         cache = folder / ("cache_of_mutant" if compiled else "cache")
         path.write_text(mutant.source(content), encoding="utf-8")
         try:
-            return try_tests(copy, room.tests, cache, limit + 600 * compiled)
+            return try_tests(copy, room, cache, limit + 600 * compiled, mutant.file)
         finally:
             path.write_text(content, encoding="utf-8")
             shutil.rmtree(folder / "cache_of_mutant", ignore_errors=True)

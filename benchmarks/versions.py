@@ -84,9 +84,11 @@ def made(name: str, options: Options) -> Path:
     python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
     complete = folder / "complete"
     if not complete.exists():
-        subprocess.run([options.uv, "venv", "--clear", "--python", version, folder], check=True)
+        subprocess.run([options.uv, "venv", "--clear", "--seed", "--python", version, folder], check=True)
         wanted = ["--requirements", "pyproject.toml", "--all-extras", "--resolution", resolution]
-        subprocess.run([options.uv, "pip", "install", "--python", python, *wanted], check=True)
+        install: list[str | Path] = [options.uv, "pip", "install", "--python", python]
+        subprocess.run([*install, *wanted], check=True)
+        subprocess.run([*install, "--no-deps", "--editable", "."], check=True)
         complete.touch()
     return python
 

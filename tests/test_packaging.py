@@ -68,9 +68,10 @@ def test_the_installed_wheel_works_from_another_folder(wheel, tmp_path):
         "--no-index",
         "--no-compile",
     ]
-    subprocess.run([*pip, wheel], check=True, capture_output=True)
-    (version,) = wheel.name.split("-")[1:2]
+    # On PYTHONPATH pip would find the metadata of an unpacked source distribution, and install nothing.
     variables = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    subprocess.run([*pip, wheel], env=variables, check=True, capture_output=True)
+    (version,) = wheel.name.split("-")[1:2]
 
     def printed(command: str) -> str:
         words = [venv / SCRIPTS / "uvcloth", *command.split()[1:]]

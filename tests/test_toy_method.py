@@ -117,13 +117,14 @@ def load_moved(checkpoint: Checkpoint, folder: Path) -> Moved:
 
 
 ENTRY = MethodEntry(None, lambda _: Moved(torch.zeros(3)), load=load_moved)
+TRAINER = TrainerEntry(MovedRun, {})
 
 
 # The two lines in the registries.
 def register(monkeypatch: pytest.MonkeyPatch) -> None:
     line = Registered("bottoms under tops", "tests.test_toy_method:ENTRY", rig=True)
     monkeypatch.setitem(METHODS, "moved", line)
-    monkeypatch.setitem(TRAINERS, "moved", TrainerEntry(MovedRun, {}))
+    monkeypatch.setitem(TRAINERS, "moved", "tests.test_toy_method:TRAINER")
 
 
 @pytest.fixture

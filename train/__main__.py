@@ -19,8 +19,7 @@ from uvcloth.files.atomic import sole_writer
 from uvcloth.files.options import parsed
 from uvcloth.process.command import run_command
 
-from .loop import format_scores
-from .registry import TRAINERS
+from .registry import TRAINERS, trainer
 from .trainer import TrainingRun
 
 
@@ -32,7 +31,7 @@ def parse(method: str, arguments: Sequence[str]) -> TrainingRun:
     """
     if method not in TRAINERS:
         raise InputError(f"{method}: cannot be trained, expected one of {', '.join(TRAINERS)}")
-    entry = TRAINERS[method]
+    entry = trainer(method)
     default = starting_from(entry.run, entry.presets, _preset_of(arguments))
 
     def run() -> TrainingRun:
@@ -60,6 +59,8 @@ def run(words: Sequence[str]) -> None:
     first = all(os.environ.get(rank, "0") == "0" for rank in ranks)
     with sole_writer(training.out) if first else nullcontext():
         scores = training.train()
+    from .loop import format_scores
+
     kept = f"kept that of step {scores['step']:.0f}, validation: {format_scores(scores)}"
     Console().print(f"{training.out}: {kept}")
 

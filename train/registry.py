@@ -1,16 +1,21 @@
-"""The methods that can be trained, by name."""
+"""The methods that can be trained, by name. The table imports none of them, so that help texts are quick."""
 
-from .deepsd import run as deepsd
-from .motion_guided import run as motion_guided
-from .pbns import run as pbns
-from .physxnet import run as physxnet
-from .recurrent import run as recurrent
+from importlib import import_module
+
 from .trainer import TrainerEntry
 
-TRAINERS: dict[str, TrainerEntry] = {
-    "physxnet": physxnet.ENTRY,
-    "motion_guided": motion_guided.ENTRY,
-    "recurrent": recurrent.ENTRY,
-    "pbns": pbns.ENTRY,
-    "deepsd": deepsd.ENTRY,
+TRAINERS = {
+    "physxnet": ".physxnet.run:ENTRY",
+    "motion_guided": ".motion_guided.run:ENTRY",
+    "recurrent": ".recurrent.run:ENTRY",
+    "pbns": ".pbns.run:ENTRY",
+    "deepsd": ".deepsd.run:ENTRY",
 }
+"""Every trainer by the name of its method: where its entry is, "module:NAME"."""
+
+
+def trainer(method: str) -> TrainerEntry:
+    """The trainer of one of TRAINERS."""
+    module, _, name = TRAINERS[method].partition(":")
+    entry: TrainerEntry = getattr(import_module(module, __package__), name)
+    return entry

@@ -7,7 +7,9 @@ import pytest
 import torch
 
 from tests.export.glb_reader import GlbReader, require_clean, to_z_up
+from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation
+from uvcloth.export.glb import Document
 from uvcloth.export.gltf import write_glb
 from uvcloth.export.gltf_scene import split_seams
 from uvcloth.geometry.skinning import skin
@@ -70,3 +72,13 @@ def test_body_follows_its_joints(glb: GlbReader, animation: Animation) -> None:
 
 def test_khronos_validator_finds_nothing(path: Path) -> None:
     require_clean(path)
+
+
+def test_a_file_of_four_gibibytes_is_refused(tmp_path: Path) -> None:
+    document = Document(length=2**31)
+    document.write(tmp_path / "head.glb")
+    document.length = 2**32 - (tmp_path / "head.glb").stat().st_size
+    with pytest.raises(InputError, match=r"large\.glb: 4\.0 GiB do not fit"):
+        document.write(tmp_path / "large.glb")
+    document.length -= 4
+    document.write(tmp_path / "largest.glb")

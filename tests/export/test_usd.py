@@ -1,5 +1,6 @@
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ import torch
 
 from uvcloth.export.animation import Animation
 from uvcloth.export.usd import write_usd
+from uvcloth.export.usd_stage import MAX_UNSAVED, SavedInParts
 from uvcloth.geometry.skinning import skin
 
 pxr = pytest.importorskip("pxr")
@@ -18,6 +20,15 @@ def stage(animation: Animation, tmp_path_factory: pytest.TempPathFactory) -> Usd
     path = tmp_path_factory.mktemp("usd") / "walk.usdc"
     write_usd(animation, path)
     return Usd.Stage.Open(str(path))
+
+
+def test_samples_leave_memory_when_there_are_too_many() -> None:
+    stage, saves = Mock(), []
+    samples = SavedInParts(stage)
+    for _ in range(6):
+        samples.add(MAX_UNSAVED // 2)
+        saves.append(stage.Save.call_count)
+    assert saves == [0, 0, 1, 1, 1, 2]
 
 
 def test_stage_says_its_units(stage: Usd.Stage, animation: Animation) -> None:

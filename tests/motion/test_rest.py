@@ -1,5 +1,6 @@
 """Rest poses and options that decide over a motion, and motions that no person can have made."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,9 +24,9 @@ def walk(body: Body) -> Clip:
     return load_clip("walk", body).window(20, 45)
 
 
-def with_stand(walk: Clip, heading: float) -> Clip:
-    """The walk after one frame of standing at rest, turned to a heading about the vertical."""
-    turn = torch.from_numpy(Rotation.from_euler("z", heading).as_matrix()).float()
+def with_stand(walk: Clip, heading: float, lean: float = 0.0) -> Clip:
+    """The walk after one frame of standing at rest, turned about the vertical after a lean to the side."""
+    turn = torch.from_numpy(Rotation.from_euler("yz", [lean, heading]).as_matrix()).float()
     stand = turn.expand(1, *walk.rotations.shape[1:])
     return replace(
         walk,
@@ -42,6 +43,15 @@ def test_a_named_frame_is_the_rest_pose_whatever_its_heading(walk: Clip, tmp_pat
     gap = difference(found, walk, layout.names())
     assert gap.degrees < 6.0, gap
     assert gap.centimetres < 1.0, gap
+
+
+def test_a_named_frame_is_turned_about_the_vertical_alone(walk: Clip, tmp_path: Path, body: Body) -> None:
+    path = tmp_path / "walk.bvh"
+    write_layout(with_stand(walk, 0.6, lean=0.1), FAMILIES["MotionBuilder"], path)
+    rest = load_source(path, body, MotionOptions(rest_frame=0)).rest.clip.skeleton
+    left, right = (rest.heads[rest.names.index(f"{side}UpLeg")] for side in ("Left", "Right"))
+    across = (left - right) / (left - right).norm()
+    torch.testing.assert_close(across, torch.tensor([math.cos(0.1), -math.sin(0.1), 0.0]), atol=1e-3, rtol=0)
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,9 @@ FIELDS = {
 FRAMES_AT_ONCE = 32
 """Frames that are in memory at once."""
 
+POSES_AT_ONCE = 1024
+"""Frames whose local poses are computed at once."""
+
 
 @dataclass(frozen=True)
 class Animation:
@@ -143,3 +146,13 @@ def local_pose(
     flips = np.sign((quaternions * earlier).sum(-1, keepdims=True))
     quaternions *= np.cumprod(np.where(flips == 0, 1, flips), axis=0)
     return translations.astype(np.float32), quaternions.astype(np.float32)
+
+
+def local_poses(skeleton: Skeleton, transforms: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """`local_pose` of all frames, in parts of POSES_AT_ONCE frames."""
+    last = None
+    for start in range(0, len(transforms), POSES_AT_ONCE):
+        some = np.array(transforms[start : start + POSES_AT_ONCE])
+        translations, rotations = local_pose(skeleton, some, last)
+        yield translations, rotations
+        last = rotations[-1]

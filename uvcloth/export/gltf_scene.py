@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from uvcloth.bodies.body import Body
-from uvcloth.export.animation import local_pose
+from uvcloth.export.animation import local_poses
 from uvcloth.export.glb import FLOAT, INDICES, INT, SHORT, VERTICES, Document
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
@@ -81,7 +81,8 @@ def animate_skeleton(
 ) -> None:
     """Pose the nodes of `add_skeleton` by transforms (F, J, 3, 4) at F times (an accessor)."""
     heads = skeleton.heads.numpy() @ TO_Y_UP.T
-    translations, rotations = local_pose(skeleton, transforms)
+    parts = zip(*local_poses(skeleton, transforms), strict=True)
+    translations, rotations = (np.concatenate(part) for part in parts)
     for joint, parent in enumerate(skeleton.parents):
         bone = heads[joint] - heads[parent] if parent >= 0 else heads[joint]
         quaternions = rotations[:, joint]

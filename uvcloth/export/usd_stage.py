@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from uvcloth.export.animation import local_pose
+from uvcloth.export.animation import local_poses
 from uvcloth.files.atomic import require_room
 from uvcloth.geometry.authored import polygons_of
 from uvcloth.geometry.mesh import Mesh, vertex_normals
@@ -16,9 +16,6 @@ from uvcloth.render import Color
 
 MAX_UNSAVED = 64_000_000
 """Bytes of samples kept in memory between saves, which are rare: each repeats the stage's tables."""
-
-POSES_AT_ONCE = 1024
-"""Frames whose local poses are computed at once."""
 
 
 class SavedInParts:
@@ -134,15 +131,13 @@ def animate_skeleton(stage: Any, rig: Any, skeleton: Skeleton, transforms: np.nd
     motion.CreateJointsAttr(rig.GetJointsAttr().Get())
     motion.CreateScalesAttr(Vt.Vec3hArray(len(skeleton.names), Gf.Vec3h(1)))
     shift, turn = motion.CreateTranslationsAttr(), motion.CreateRotationsAttr()
-    samples, last = SavedInParts(stage), None
-    for start in range(0, len(transforms), POSES_AT_ONCE):
-        some = np.array(transforms[start : start + POSES_AT_ONCE])
-        translations, rotations = local_pose(skeleton, some, last)
-        for offset in range(len(some)):
-            shift.Set(Vt.Vec3fArray.FromNumpy(translations[offset]), start + offset)
-            turn.Set(Vt.QuatfArray.FromNumpy(rotations[offset]), start + offset)
+    samples, frame = SavedInParts(stage), 0
+    for translations, rotations in local_poses(skeleton, transforms):
+        for translation, rotation in zip(translations, rotations, strict=True):
+            shift.Set(Vt.Vec3fArray.FromNumpy(translation), frame)
+            turn.Set(Vt.QuatfArray.FromNumpy(rotation), frame)
+            frame += 1
         samples.add(translations.nbytes + rotations.nbytes)
-        last = rotations[-1]
     UsdSkel.BindingAPI.Apply(rig.GetPrim()).CreateAnimationSourceRel().SetTargets([motion.GetPath()])
     return motion
 
