@@ -46,7 +46,7 @@ class LookRow:
 
 @dataclass(frozen=True)
 class LookTable:
-    """The table, without columns that have no figure. groups: by title, columns by title, as places in rows."""
+    """The table, without columns that have no figure. groups: by title, places in rows by title."""
 
     groups: Mapping[str, Mapping[str, int]]
     rows: Sequence[LookRow]
