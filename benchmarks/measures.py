@@ -58,6 +58,9 @@ STYLE = (
     ".s{stroke:#c08a70;stroke-width:6}"
 )
 
+EDGES = [-0.2, 0.2]
+"""Left and right edge of an upright square, m."""
+
 Line = tuple[str, Sequence[float], Sequence[float]]
 """Style, and horizontal and vertical coordinates."""
 
@@ -273,32 +276,38 @@ def pushed(mesh: Mesh, back: float) -> Tensor:
     return mesh.vertices + middle[:, None] * torch.tensor([0.0, back, 0.0])
 
 
-def pixels() -> list[Panel]:
-    """Cloth that was pushed through skin, and through an inner garment, over 10 of 40 cm."""
+def slab() -> Body:
+    """A body whose front is 2 cm behind the plane y = 0, and much wider than a square."""
     box = trimesh.creation.box((1.0, 0.2, 1.8)).subdivide().subdivide().subdivide()
     shape = torch.tensor(box.vertices).float() + torch.tensor([0.0, 0.12, 0.9])
     faces = torch.tensor(box.faces).long()
     none = torch.zeros(len(faces), dtype=torch.long)
     skeleton = Skeleton(("hips",), (-1,), torch.zeros(1, 3))
-    body = Body(
-        "slab", Mesh(shape, faces, shape[:, :2], faces), skeleton, torch.ones(len(shape), 1), none, none, {}
-    )
+    mesh = Mesh(shape, faces, shape[:, :2], faces)
+    return Body("slab", mesh, skeleton, torch.ones(len(shape), 1), none, none, {})
+
+
+def shares(meshes: Sequence[Mesh], frames: Sequence[Tensor]) -> dict[str, list[float]]:
+    """Percent of pixels at fault of garments on the slab, all as one, in some frames (N, 3) m."""
+    body = slab()
+    sight = make_sight(body, meshes, Exposure(body, meshes).covered_faces)
+    scores = pixel_scores(sight, torch.stack(list(frames)), body.mesh.vertices.expand(len(frames), -1, -1))
+    return {key: values.tolist() for key, values in scores.items()}
+
+
+def pixels() -> list[Panel]:
+    """Cloth that was pushed through skin, and through an inner garment, over 10 of 40 cm."""
     panels = []
     for title, key, depths, back in (
         ("Skin in pictures", "skin_pixels_percent", (0.0,), 0.03),
         ("Cloth through cloth", "cloth_pixels_percent", (0.0, -0.01), 0.018),
     ):
         meshes = [upright(depth) for depth in depths]
-        sight = make_sight(body, meshes, Exposure(body, meshes).covered_faces)
         moved = pushed(meshes[-1], back)
-        worn = torch.cat([*(each.vertices for each in meshes[:-1]), moved])[None]
-        percent = float(pixel_scores(sight, worn, body.mesh.vertices[None])[key][0])
+        (percent,) = shares(meshes, [torch.cat([*(each.vertices for each in meshes[:-1]), moved])])[key]
         row = slice(40, None, 81)
-        lines = [
-            (JUDGED, moved[row, 0].tolist(), (-moved[row, 1]).tolist()),
-            (SKIN, [-0.2, 0.2], [-0.02, -0.02]),
-        ]
-        lines += [(TRUE, [-0.2, 0.2], [-depth, -depth]) for depth in depths[:-1]]
+        lines = [(JUDGED, moved[row, 0].tolist(), (-moved[row, 1]).tolist()), (SKIN, EDGES, [-0.02, -0.02])]
+        lines += [(TRUE, EDGES, [-depth, -depth]) for depth in depths[:-1]]
         panels.append(Panel(title, lines, [f"1/16 pushed through: {percent:.1f} % of pixels"]))
     return panels
 
@@ -334,9 +343,9 @@ def drawn(panel: Panel, left: float, top: float) -> str:
     return "\n".join([f'<text class="b" x="{left + 12}" y="{top + 16}">{panel.title}</text>', *lines, *words])
 
 
+@torch.no_grad()
 def picture() -> str:
     """All panels as one SVG."""
-    torch.set_grad_enabled(False)
     every = panels()
     rows = -(-len(every) // COLUMNS)
     size = f'viewBox="0 0 {COLUMNS * WIDTH} {rows * HEIGHT}"'
