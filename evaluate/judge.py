@@ -70,7 +70,7 @@ JUDGING = (
 """The sources and data that decide a score."""
 
 Scores = Mapping[str, Tensor]
-"""By measure, F values (swing F - 1, jitter F - 2)."""
+"""By measure, F values (swing F - 1, jitter F - 2), fewer of measures that are sampled."""
 
 
 @dataclass(frozen=True)

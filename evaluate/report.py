@@ -21,6 +21,7 @@ from .familiar import cautions
 from .force_balance import BALANCED_FRAMES, MOST_FORCE
 from .intervals import LEAST_CLIPS, Interval, pooled
 from .look_table import impossible_frames, look_table
+from .metrics import SAMPLED_FRAMES
 from .pixels import DEPTH, PIXEL, VIEWED_FRAMES
 from .results import LONG
 from .stability import SHORT_ROLLOUT
@@ -171,6 +172,7 @@ def write_report(
         turned=TURNED_FRAMES,
         balanced=BALANCED_FRAMES,
         viewed=VIEWED_FRAMES,
+        sampled=SAMPLED_FRAMES,
         pixel_mm=1000 * PIXEL,
         depth_mm=1000 * DEPTH,
         wrinkled=WRINKLED_FRAMES,
