@@ -1,4 +1,4 @@
-"""Scores of a garment against the body under it, per frame: vertices and faces inside, skin that shows."""
+"""Scores of a garment against the body under it: vertices and faces inside, skin that shows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,13 +12,16 @@ from uvcloth.geometry.mesh import Mesh, join_meshes
 from uvcloth.physics.exposure import CLOTH_POINTS, Exposure, SurfaceSample, spread
 from uvcloth.physics.obstacle import ContactGarment, Obstacle
 
+from .metrics import sampled_frames
+from .pixels import Sight, make_sight, pixel_scores
+
 
 @dataclass(frozen=True)
 class DressedBody:
     """A garment, or several as one mesh, on a body.
 
     garment: its vertices, prepared for contact. sample: points spread over its faces. loose: these points,
-    prepared for contact. exposure: of the skin that it covers.
+    prepared for contact. exposure: of the skin that it covers. sight: all of it in pictures.
     """
 
     obstacle: Obstacle
@@ -26,29 +29,35 @@ class DressedBody:
     sample: SurfaceSample
     loose: ContactGarment
     exposure: Exposure
+    sight: Sight
 
 
 def dressed_body(body: Body, meshes: Sequence[Mesh]) -> DressedBody:
     """A garment, or several as one mesh, as they lie on a body at rest."""
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in meshes)
+    exposure = Exposure(body, meshes)
     sample = spread(outfit.vertices, outfit.faces, CLOTH_POINTS)
     return DressedBody(
         obstacle=obstacle,
         garment=obstacle.contact_garment(outfit.vertices),
         sample=sample,
         loose=obstacle.contact_garment(sample.points(outfit.vertices)),
-        exposure=Exposure(body, meshes),
+        exposure=exposure,
+        sight=make_sight(body, meshes, exposure.covered_faces),
     )
 
 
 def body_scores(dressed: DressedBody, frames: Tensor, body_frames: Tensor) -> dict[str, Tensor]:
-    """Percentages of a garment (F, N, 3) on the posed body (F, V, 3), m, per frame: (F,) each.
+    """Percentages of a garment (F, N, 3) on the posed body (F, V, 3), m, in `sampled_frames`: (S,) each.
 
     inside_percent: vertices inside the body. squeezed_percent: vertices between two parts of it that leave no
     room; they do not count as inside. inside_faces_percent: the cloth's area inside the body. skin_percent:
-    of the skin that the garment covers at rest, the area that shows through it.
+    of the skin that the garment covers at rest, the area that shows through it. Those of `pixel_scores`, in
+    fewer frames.
     """
+    some = sampled_frames(len(frames))
+    frames, body_frames = frames[some], body_frames[some]
     skins = list(dressed.obstacle.skins(frames, dressed.garment, body_frames))
     points = dressed.sample.points(frames)
     exposed = [
@@ -60,4 +69,5 @@ def body_scores(dressed: DressedBody, frames: Tensor, body_frames: Tensor) -> di
         "squeezed_percent": torch.tensor([100.0 * float(skin.squeezed.float().mean()) for skin in skins]),
         "inside_faces_percent": dressed.obstacle.inside_percent(points, dressed.loose, body_frames),
         "skin_percent": torch.tensor(exposed),
+        **pixel_scores(dressed.sight, frames, body_frames),
     }

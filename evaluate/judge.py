@@ -1,6 +1,6 @@
 """Judging: roll methods out over cases and score every frame; finished cases are kept for a rerun."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -24,6 +24,7 @@ from .continuity import continuity_scores
 from .looks import look_scores
 from .metrics import (
     distance_scores,
+    energy_scores,
     layer_scores,
     map_mse,
     shape_scores,
@@ -32,7 +33,7 @@ from .metrics import (
 )
 from .stability import stability_scores, uses_feedback
 
-SCORES_FORMAT = "uvcloth-judged-9"
+SCORES_FORMAT = "uvcloth-judged-10"
 
 MEMBER_SUFFIX = "_member"
 """Suffix of the scores of another simulation."""
@@ -57,6 +58,7 @@ JUDGING = (
     "evaluate/looks.py",
     "evaluate/maps.py",
     "evaluate/body_scores.py",
+    "evaluate/pixels.py",
     "evaluate/stability.py",
     "evaluate/case.py",
     "evaluate/selection.py",
@@ -68,7 +70,7 @@ JUDGING = (
 """The sources and data that decide a score."""
 
 Scores = Mapping[str, Tensor]
-"""By measure, F values (swing F - 1, jitter F - 2)."""
+"""By measure, F values (swing F - 1, jitter F - 2), fewer of measures that are sampled."""
 
 
 @dataclass(frozen=True)
@@ -86,10 +88,18 @@ class CaseScores:
     shown: Tensor
 
 
-def judge(case: Case, candidate: Candidate, live: bool = True) -> CaseScores:
+def judge(
+    case: Case,
+    candidate: Candidate,
+    live: bool = True,
+    others: Sequence[Candidate] = (),
+    spent_ms: float | None = None,
+) -> CaseScores:
     """Roll a method out from the first warm-up frame and score the scored frames.
 
-    live: False for a recording, which has neither times nor a turned scene.
+    live: False for a recording, which has no turned scene, and times only if it is known how many
+    milliseconds a frame it took, spent_ms. others: rollouts of the same method that differ by chance, for an
+    energy score.
 
     A method that uses feedback, or has parts that only do what a finish does, is rolled out again without
     it for the scores before the finish, which otherwise would depend on it. One that uses feedback is
@@ -107,11 +117,20 @@ def judge(case: Case, candidate: Candidate, live: bool = True) -> CaseScores:
         stable = stability_scores(prepared, case)
         more = {name: {**scores, **more.get(name, {})} for name, scores in stable.items()}
     scored = score(case, raw, resolved)
-    parts = {name: {**scores, **more.get(name, {})} for name, scores in scored.parts.items()}
+    rollouts = [resolved, *(rolled_out(case, prepare_rollout(c.method, case.outfit))[1] for c in others)]
+    parts = {
+        part.name: {
+            **scored.parts[part.name],
+            **more.get(part.name, {}),
+            **energy_scores([each[:, part.rows] for each in rollouts], part.reference),
+        }
+        for part in case.parts
+    }
     if live:
         turned = continuity_scores(case, prepared, resolved)
         parts = {name: {**scores, **turned[name]} for name, scores in parts.items()}
-        parts[case.parts[-1].name] |= times
+    if live or spent_ms is not None:
+        parts[case.parts[-1].name] |= {**times, "network_ms": times["network_ms"] + (spent_ms or 0.0)}
     return CaseScores(parts, scored.shown)
 
 

@@ -1,7 +1,8 @@
 """The table of motion and looks in the report, and the frames that no cloth can take."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Any
 
 from .candidates import SIMULATION
@@ -43,8 +44,28 @@ class LookRow:
     simulated: bool = False
 
 
-def look_rows(results: Results) -> list[LookRow]:
+@dataclass(frozen=True)
+class LookTable:
+    """The table, without columns that have no figure. groups: by title, places in rows by title."""
+
+    groups: Mapping[str, Mapping[str, int]]
+    rows: Sequence[LookRow]
+
+
+def look_table(results: Results) -> LookTable:
     """For every garment the simulation, another one if there is an ensemble, and each method."""
+    rows = _look_rows(results)
+    columns = zip(*(row.figures for row in rows), strict=True)
+    filled = [any(figure != DASH for figure in column) for column in columns]
+    titles = [(group, title) for group, each in GROUPS.items() for title in each]
+    groups: dict[str, dict[str, int]] = {}
+    for place, (group, title) in enumerate(compress(titles, filled)):
+        groups.setdefault(group, {})[title] = place
+    return LookTable(groups, [replace(row, figures=list(compress(row.figures, filled))) for row in rows])
+
+
+def _look_rows(results: Results) -> list[LookRow]:
+    """The rows, with a figure or a dash in every column."""
     rows = []
     for garment in garments_in(results):
         true = results[SIMULATION]["actions"]

@@ -22,6 +22,14 @@ MM = 1000.0
 SWINGING = 10
 """Swing is measured on one vertex in so many, those that move most against the skinned garment."""
 
+SAMPLED_FRAMES = 30
+"""Most frames of a window in which slow measures are taken, evenly spaced."""
+
+
+def sampled_frames(count: int, most: int = SAMPLED_FRAMES) -> Tensor:
+    """At most so many of `count` frames, evenly spaced: (S,) int64."""
+    return torch.linspace(0, count - 1, min(most, count)).round().long()
+
 
 @dataclass(frozen=True)
 class Reference:
@@ -131,7 +139,7 @@ def peak_accelerations(vertices: Tensor, reference: Reference) -> Tensor:
 
 
 def map_mse(predicted: Tensor, reference: Reference) -> dict[str, Tensor]:
-    """Mean squared distance in mm2 of the garment's map over its valid texels, (F,) from (F, N, 3).
+    """Mean squared distance in mm2 of the garment's map over its valid texels, (S,) from (F, N, 3).
 
     An offset map stores, per body texel, the garment point that it sees minus the body point (PhysXNet
     eq. 8); both maps share the body, so their difference is the vertex error baked through the texels'
@@ -139,34 +147,38 @@ def map_mse(predicted: Tensor, reference: Reference) -> dict[str, Tensor]:
     """
     if reference.texel_corners is None or reference.texel_barycentrics is None:
         return {}
-    error = (predicted - reference.vertices) * MM
+    some = sampled_frames(len(predicted))
+    error = (predicted[some] - reference.vertices[some]) * MM
     texels = gather(error, reference.texel_corners, reference.texel_barycentrics)
     return {"map_mse_mm2": texels.square().sum(-1).mean(-1)}
 
 
 def shape_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
-    """Every measure of (F, N, 3) that needs no body, per frame: (F,) each, jitter (F - 2,).
+    """Every measure of (F, N, 3) that needs no body.
 
-    Vertex errors, swing (F - 1,), change of edges, bending, jitter and self-intersection.
+    Per frame: vertex errors (F,), swing (F - 1,), jitter (F - 2,). In the `sampled_frames`: change of edges,
+    bending, self-intersection (S,).
     """
+    some = vertices[sampled_frames(len(vertices))]
     return {
         **distance_scores(vertices, reference.vertices),
         **ensemble_scores(vertices, reference),
         **swing_scores(vertices, reference),
-        "edge_mm": edge_change(vertices, reference.rest, reference.faces) * MM,
-        "bend_cos": fold_cosine(vertices, reference.faces),
-        "bend_rad": fold_angle(vertices, reference.faces),
+        "edge_mm": edge_change(some, reference.rest, reference.faces) * MM,
+        "bend_cos": fold_cosine(some, reference.faces),
+        "bend_rad": fold_angle(some, reference.faces),
         "jitter": acceleration_jitter(vertices, reference.fps),
-        "crossing_edges_percent": crossing_edges_percent(vertices, weld(reference.rest)[reference.faces]),
+        "crossing_edges_percent": crossing_edges_percent(some, weld(reference.rest)[reference.faces]),
     }
 
 
 def layer_scores(garments: Mapping[str, Tensor], faces: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Percent of an outer garment's vertices near an inner one that are on its inner side: (F,) each.
+    """Percent of an outer garment's vertices near an inner one that are on its inner side: (S,) each.
 
     garments: (F, N, 3) m of each, the innermost first, and faces: (M, 3), by name.
     """
     names = list(garments)
+    garments = {name: each[sampled_frames(len(each))] for name, each in garments.items()}
     return {
         wrong_side_key(outer, inner): torch.tensor(
             [

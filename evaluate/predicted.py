@@ -1,7 +1,7 @@
 """Sequences of other programs, judged by the same measures as methods: a file for every judged sequence."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
@@ -11,14 +11,12 @@ from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.methods.method import Method, Traits
-from uvcloth.rollout import prepare_rollout
 
 from .actions import Window
 from .candidates import FINISHED, SIMULATION, Candidate, finished
 from .case import Case
-from .judge import CaseScores, judge, rolled_out
-from .metrics import energy_scores
-from .predicted_file import READERS, find_file, read_prediction
+from .judge import CaseScores, judge
+from .predicted_file import READERS, find_file, read_milliseconds, read_prediction
 from .recorded import Recorded
 
 NAMED = "="
@@ -127,22 +125,15 @@ def covered(
 def judge_prediction(case: Case, prediction: Prediction) -> CaseScores:
     """Score the sequences of another program in the scored frames, as they are and after the finish.
 
-    Other rollouts of it, in the folder of each member as in data, give an energy score. Raises InputError
-    naming the file that does not fit the simulation, see `read_prediction`.
+    Other rollouts of it, in the folder of each member as in data, give an energy score. It has times if all
+    files say theirs. Raises InputError naming the file that does not fit the simulation, see
+    `read_prediction`.
     """
+    files = [find_file(prediction.folder, window.path.stem) for window in case.windows]
+    times = [read_milliseconds(path) for path in files if path]
+    spent = None if None in times else sum(each for each in times if each is not None)
     first, *others = [played(case, prediction, folder) for folder in prediction.rollouts(case.windows)]
-    judged = judge(case, first, live=False)
-    if not others:
-        return judged
-    finished = [rolled_out(case, prepare_rollout(each.method, case.outfit))[1] for each in (first, *others)]
-    parts = {
-        part.name: {
-            **judged.parts[part.name],
-            **energy_scores([vertices[:, part.rows] for vertices in finished], part.reference),
-        }
-        for part in case.parts
-    }
-    return replace(judged, parts=parts)
+    return judge(case, first, live=False, others=others, spent_ms=spent)
 
 
 def played(case: Case, prediction: Prediction, folder: Path) -> Candidate:

@@ -12,6 +12,7 @@ from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedGarment
 from uvcloth.dataset.clip_file import SEQUENCE_FORMAT, load_simulated
 from uvcloth.errors import InputError
 from uvcloth.files.archive import read_arrays
+from uvcloth.files.fields import check_fields, numbers
 from uvcloth.formats.alembic_points import read_alembic
 from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.formats.point_cache import read_mdd, read_pc2
@@ -72,6 +73,18 @@ def find_file(folder: Path, stem: str) -> Path | None:
     if len(there) > 1:
         raise InputError(f"{there[0]}: {there[1].name} beside it is of the same sequence, keep one of them")
     return there[0] if there else None
+
+
+def read_milliseconds(path: Path) -> float | None:
+    """Read the milliseconds a frame that a program took, `ms_per_frame` of an npz; None without them.
+
+    Raises InputError naming the file if that is no number from 0 on.
+    """
+    if path.suffix != ".npz":
+        return None
+    arrays = read_arrays(path, "an npz of vertices over time", ("ms_per_frame",))
+    data = check_fields(path, arrays, {"ms_per_frame": numbers(least=0.0).if_there()})
+    return float(data["ms_per_frame"]) if data else None
 
 
 def read_prediction(path: Path, simulated: SimulatedGarment, fps: float) -> Tensor:

@@ -20,13 +20,16 @@ from .cost_figures import cost_charts, small_multiples
 from .familiar import cautions
 from .force_balance import BALANCED_FRAMES, MOST_FORCE
 from .intervals import LEAST_CLIPS, Interval, pooled
-from .look_table import GROUPS, impossible_frames, look_rows
+from .look_table import impossible_frames, look_table
+from .metrics import SAMPLED_FRAMES
+from .pixels import DEPTH, PIXEL, VIEWED_FRAMES
 from .results import LONG
 from .stability import SHORT_ROLLOUT
 from .standings import (
     OUTFIT,
     STAGES,
     Results,
+    Standing,
     actions_in,
     clips_of,
     garments_in,
@@ -63,6 +66,8 @@ PHYSICS = {
     "inside_faces_percent": "Cloth inside (% of area)",
     "skin_percent": "Skin that shows (% of covered)",
     "crossing_edges_percent": "Edges through cloth (%)",
+    "skin_pixels_percent": "Skin in pictures (% of pixels)",
+    "cloth_pixels_percent": "Cloth through cloth in pictures (% of pixels)",
 }
 
 SWING = {
@@ -156,16 +161,20 @@ def write_report(
         judged={garment: methods_on(results, garment) for garment in garments_in(results)},
         trained=[name for name, judged in results["methods"].items() if judged["training"]],
         measures=MEASURES,
-        physics=PHYSICS,
-        swing=SWING,
+        physics={when: _filled(results, PHYSICS, suffix) for when, suffix in STAGES.items()},
+        swing={when: _filled(results, SWING, suffix) for when, suffix in STAGES.items()},
+        chance=_chance(standings(results)),
+        feeds_back=_feeds_back(results),
         swing_figure=partial(_swing_figure, results),
-        look_groups=GROUPS,
-        look_rows=look_rows(results),
+        looks=look_table(results),
         impossible=impossible_frames(results),
-        look_begins={sum(map(len, list(GROUPS.values())[:index])) for index in range(len(GROUPS))},
         most_force=MOST_FORCE,
         turned=TURNED_FRAMES,
         balanced=BALANCED_FRAMES,
+        viewed=VIEWED_FRAMES,
+        sampled=SAMPLED_FRAMES,
+        pixel_mm=1000 * PIXEL,
+        depth_mm=1000 * DEPTH,
         wrinkled=WRINKLED_FRAMES,
         after_stops=_stop_charts(results),
         outfit_titles=OUTFIT,
@@ -174,7 +183,6 @@ def write_report(
         missing=[f"{a}, {t} ({why})" for a, by in results["missing"].items() for t, why in by.items()],
         standings=standings(results),
         least_clips=LEAST_CLIPS,
-        range=_range,
         ranked=[*garments_in(results), *results["outfits"]],
         outfit_rows=outfit_rows(results),
         charts=_bar_charts(results),
@@ -205,6 +213,43 @@ def _swing_figure(results: Results, name: str, garment: str, key: str, suffix: s
     if key == "spread_ratio":
         return pooled(clips_of(method, garment), key, suffix)
     return overall(method["actions"], garment, key + suffix)
+
+
+def _filled(results: Results, columns: Mapping[str, str], suffix: str) -> dict[str, str]:
+    """The columns in which a method has a figure. suffix: of the fields."""
+    cells = [
+        cell
+        for method in results["methods"].values()
+        for by_garment in method["actions"].values()
+        for cell in by_garment.values()
+    ]
+    return {
+        key: title
+        for key, title in columns.items()
+        if any(cell.get(key + suffix) is not None for cell in cells)
+    }
+
+
+def _chance(rows: Sequence[Standing]) -> dict[str, list[str]]:
+    """The columns on chance in which a method has a figure: one for each row, by title."""
+    columns = {
+        "Spread ratio": [number(row.spread_ratio) for row in rows],
+        "Interval": [_range(row.intervals["spread_ratio"]) for row in rows],
+        "Mean (mm), interval": [_range(row.intervals["vertex_mean_mm"]) for row in rows],
+        "Above the row before": [
+            _range(row.above) if row.above is None or row.apart else "no difference" for row in rows
+        ],
+    }
+    return {title: figures for title, figures in columns.items() if any(each != DASH for each in figures)}
+
+
+def _feeds_back(results: Results) -> bool:
+    """True where a method continues from observed garments, or drifts in a long window."""
+    return any(
+        cell["late_over_early"] is not None or cell["one_step_mm"] not in (None, cell["whole_mm"])
+        for method in results["methods"].values()
+        for cell in method["stability"].values()
+    )
 
 
 def _range(interval: Interval | None) -> str:

@@ -29,6 +29,8 @@ MEANS = (
     "squeezed_percent",
     "inside_faces_percent",
     "skin_percent",
+    "skin_pixels_percent",
+    "cloth_pixels_percent",
     "crossing_edges_percent",
 )
 """Scores that are averaged over the frames, before and after the finish."""

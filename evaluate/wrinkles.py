@@ -10,7 +10,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor
 
-from .metrics import MM, Reference
+from .metrics import MM, Reference, sampled_frames
 from .surface import Surface
 
 WAVELENGTHS = (0.2, 0.1, 0.05)
@@ -38,7 +38,7 @@ def wrinkle_scores(filters: WaveFilters, vertices: Tensor, reference: Reference)
 
     wrinkle_mm2: per frame of at most WRINKLED_FRAMES. The bands, from the longest waves on, sum to the whole.
     """
-    shown = torch.linspace(0, len(vertices) - 1, min(WRINKLED_FRAMES, len(vertices))).round().long()
+    shown = sampled_frames(len(vertices), WRINKLED_FRAMES)
     areas = torch.from_numpy(filters.surface.areas)
     offsets = ((vertices[shown] - reference.skinned[shown]) * MM)[:, filters.surface.mesh.kept].double()
     longer = [

@@ -116,7 +116,10 @@ class Jolt:
                 vertices, ms = self._simulate(cloth, load_simulated(path), SETTINGS[name])
                 self.out.mkdir(parents=True, exist_ok=True)
                 np.savez_compressed(
-                    self.out / path.name, vertices=vertices.numpy(), fps=load_simulated(path).fps
+                    self.out / path.name,
+                    vertices=vertices.numpy(),
+                    fps=load_simulated(path).fps,
+                    ms_per_frame=ms,
                 )
                 print(
                     f"{path.stem}: {len(cloth.rest)} vertices, {ms:.1f} ms of processor time a frame",

@@ -71,6 +71,7 @@ def test_rows_are_sorted_by_spread_ratio_and_chance_is_called_no_difference(tmp_
     assert not second.apart
     page = write_report(tmp_path, results, [], []).read_text()
     assert page.count("<td>no difference</td>") == 1
+    assert ">Spread ratio</th>" in page
     # A method without an ensemble: the mean distance sorts.
     for clip in results["methods"]["net"]["clips"]["tops"].values():
         clip["ensemble_mm"] = None

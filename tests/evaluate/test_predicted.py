@@ -83,7 +83,8 @@ def test_an_exported_simulation_brought_back_has_no_error_and_a_shifted_one_the_
     assert "2 sequences written" in capsys.readouterr().out
     shifted.mkdir()
     garment = garment_of(data)
-    np.savez(shifted / "02_04_tops.npz", vertices=garment.vertices.numpy() + SHIFT, fps=FPS)
+    moved = garment.vertices.numpy() + SHIFT
+    np.savez(shifted / "02_04_tops.npz", vertices=moved, fps=FPS, ms_per_frame=7.5)
     # Another rollout of it, the same way off to the other side.
     (shifted / "members" / "1").mkdir(parents=True)
     np.savez(shifted / "members" / "1" / "02_04_tops.npz", vertices=garment.vertices.numpy() - SHIFT, fps=FPS)
@@ -103,7 +104,10 @@ def test_an_exported_simulation_brought_back_has_no_error_and_a_shifted_one_the_
             for stage in ("_raw", ""):
                 assert cell[f"vertex_mean_mm{stage}"] == pytest.approx(expected, abs=1e-3)
                 assert cell[f"spread_ratio{stage}"] is None
-            assert "ms_per_frame" not in cell
+            if name == "shifted":
+                assert 7.5 < cell["network_ms"] < 30.0
+            else:
+                assert "ms_per_frame" not in cell
             assert cell["energy_score_mm"] == (pytest.approx(0.0, abs=1e-3) if name == "shifted" else None)
             assert cell["swing_ratio"] is not None
 

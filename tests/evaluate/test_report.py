@@ -421,12 +421,14 @@ def test_page_says_what_is_inside_the_body_in_each_action(tmp_path: Path) -> Non
     assert ["all frames", "0", "0.25", *plain, *plain, "2.50", "0", "0.25"] in found
 
 
-def test_page_has_figures_before_the_finish_first(tmp_path: Path) -> None:
+def test_page_ranks_after_the_finish_and_hides_columns_without_a_figure(tmp_path: Path) -> None:
     page = write_report(tmp_path, fake_results(), [], []).read_text()
     standing = rows(page, 'id="standings"')
-    assert [text for text in standing[0] if "finish" in text] == ["Before the finish", "After the finish"]
-    assert standing[2][1:2] + standing[2][6:8] == ["net", "27.0", "30.9"]
-    assert standing[2][10:12] == ["21.6", "24.7"]
+    assert [text for text in standing[0] if "finish" in text] == ["After the finish", "Before the finish"]
+    assert standing[2][1:4] == ["net", "21.6", "24.7"]
+    assert standing[2][6:8] == ["27.0", "30.9"]
+    assert "Spread ratio" not in page
+    assert 'id="looks"' not in page
     keys = re.findall(r'name="measure" value="(\w+)"', page)
     assert keys[:4] == ["vertex_mean_mm_raw", "vertex_rmse_mm_raw", "vertex_mse_mm2_raw", "map_mse_mm2"]
     assert page.index('id="physics-before"') < page.index('id="physics-after"')

@@ -101,7 +101,8 @@ class Exposure:
     A point of the skin is covered if the ray along its normal first meets, within COVER_DISTANCE, the inner
     side of the garments. It shows if, posed, the ray into the body first meets their outer side, within
     UNDER_SKIN_DISTANCE, and neither they nor another part of the body are within HIDING_DISTANCE in front.
-    Skin that a hem has left bare does not count.
+    Skin that a hem has left bare does not count. covered: these points. covered_faces: (F,) mask of the
+    body's faces whose middle is covered.
     """
 
     def __init__(self, body: Body, garments: Sequence[Mesh]) -> None:
@@ -110,10 +111,18 @@ class Exposure:
         self._cloth = Shell(outfit.vertices, outfit.faces)
         self._body = Shell(body.mesh.vertices, body.mesh.faces)
         everywhere = spread(body.mesh.vertices, body.mesh.faces, SKIN_POINTS)
-        points, normals = everywhere.oriented(body.mesh.vertices)
+        self.covered = everywhere.subset(self._covers(everywhere, body.mesh.vertices))
+        middles = SurfaceSample(
+            body.mesh.faces, body.mesh.vertices.new_full((len(body.mesh.faces), 3), 1 / 3)
+        )
+        self.covered_faces = self._covers(middles, body.mesh.vertices)
+
+    def _covers(self, sample: SurfaceSample, body_vertices: Tensor) -> Tensor:
+        """Mask (P,) of the points of a sample of the body at rest (V, 3) m that are covered there."""
+        points, normals = sample.oriented(body_vertices)
         cloth, facing = self._cloth.first_hit(points, normals, COVER_DISTANCE)
         limb, _ = self._body.first_hit(points + RAY_START_HEIGHT * normals, normals, COVER_DISTANCE)
-        self.covered = everywhere.subset((cloth < COVER_DISTANCE) & (facing > 0) & (cloth < limb))
+        return (cloth < COVER_DISTANCE) & (facing > 0) & (cloth < limb)
 
     def shows(self, garments: Sequence[Tensor], body_vertices: Tensor) -> Tensor:
         """Mask of the covered points of a posed body (V, 3) m that show through garments (N, 3) m: (P,)."""
