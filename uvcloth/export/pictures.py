@@ -49,7 +49,7 @@ TURNS: dict[CameraName | None, float] = {"front": 0.0, "side": 90.0, "back": 180
 ASIDE = 30.0
 
 FILLED = 1.03
-"""Framing of cameras that a person chose: the body and its margin fill the picture."""
+"""Framing of cameras that a person chose: they hold the body with a narrow margin."""
 
 CLOSE = 0.15
 """Distance from the middle of the body, over its height, up to which a close camera keeps joints in view."""

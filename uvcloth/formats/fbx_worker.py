@@ -282,10 +282,10 @@ def _influences(vertices: int, clusters: list[Any], owners: list[int]) -> list[t
     rank = np.arange(len(vertex)) - np.searchsorted(vertex, vertex)
     sets = []
     for start in range(0, min(int(rank.max(initial=0)) + 1, MOST_INFLUENCES), 4):
-        chosen = (rank >= start) & (rank < start + 4)
+        rows = (rank >= start) & (rank < start + 4)
         joints, weights = np.zeros((vertices, 4)), np.zeros((vertices, 4))
-        joints[vertex[chosen], rank[chosen] - start] = joint[chosen]
-        weights[vertex[chosen], rank[chosen] - start] = weight[chosen]
+        joints[vertex[rows], rank[rows] - start] = joint[rows]
+        weights[vertex[rows], rank[rows] - start] = weight[rows]
         sets.append((joints, weights))
     return sets
 
