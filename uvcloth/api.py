@@ -90,15 +90,15 @@ def load_motion(
 ) -> Clip:
     """Load a motion onto a body: from a file, by the name of a built-in clip, or from joint transforms.
 
-    motion: a BVH, glTF or AMASS file, a name ("walk"), or an array (F, J, 3, 4) or (F, J, 4, 4) of matrices
-    that take points of the body's rest pose to the posed one, metres, Z up, in the order of
+    motion: a BVH, glTF, FBX or AMASS file, a name ("walk"), or an array (F, J, 3, 4) or (F, J, 4, 4) of
+    matrices that take points of the body's rest pose to the posed one, metres, Z up, in the order of
     `body.skeleton.names`. body: by default the one in the package.
 
     fps: frames per second, 1 to 1000: those of an array, or those that a file is brought to. frames: "A:B",
     the frames A to B - 1 at that rate, None for all. in_place: the hips stay over one spot. Of a file only:
     up, the axis that points up; joints, a JSON file that says which joint plays which role; animation, the
-    name or number of one in a glTF file; rest_frame, the frame in which the person stands straight. name: of
-    an array's motion, for messages.
+    name or number of one in a glTF or FBX file; rest_frame, the frame in which the person stands straight.
+    name: of an array's motion, for messages.
 
     Raises InputError naming the file for one that cannot be read or understood and a motion that no person
     can have made; naming joint and frame for matrices that do not fit the body.

@@ -70,11 +70,13 @@ class Camera:
         return replace(self, eye=(x + right, y + back, z + up), target=(x, y, z))
 
 
-def three_quarter(points: Tensor, turn: float = 30.0, rise: float = 8.0, aspect: float = 0.75) -> Camera:
+def three_quarter(
+    points: Tensor, turn: float = 30.0, rise: float = 8.0, aspect: float = 0.75, framing: float = FRAMING
+) -> Camera:
     """A camera that holds all points (..., 3) with a margin, from in front (-Y) and the body's left.
 
     turn: degrees around the body, 0 in front, 180 behind. rise: degrees above the horizon. aspect: width of
-    the picture over its height.
+    the picture over its height. framing: half the picture over what has to be in it.
     """
     points = points.reshape(-1, 3).double()
     target = (points.amin(0) + points.amax(0)) / 2
@@ -84,7 +86,7 @@ def three_quarter(points: Tensor, turn: float = 30.0, rise: float = 8.0, aspect:
     away = level * np.cos(risen) + torch.tensor([0.0, 0.0, np.sin(risen)], dtype=torch.float64)
     up = torch.linalg.cross(away, right)
     across, along, down = ((points - target) @ axis for axis in (right, away, up))
-    half_height = np.tan(np.radians(Camera.view / 2)) / FRAMING
+    half_height = np.tan(np.radians(Camera.view / 2)) / framing
     reach = torch.maximum(down.abs(), across.abs() / aspect)
     x, y, z = (target + (along + reach / half_height).max() * away).tolist()
     return Camera((x, y, z), tuple(target.tolist()))

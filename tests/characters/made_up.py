@@ -17,7 +17,8 @@ from tests.motion.layouts import ROLES
 from tests.small_gltf import write_glb
 from uvcloth.bodies.body import Body
 from uvcloth.export.glb import Document
-from uvcloth.export.gltf_scene import TO_Y_UP, add_geometry, add_influences, add_skeleton
+from uvcloth.export.gltf_scene import TO_Y_UP, add_influences, add_skeleton
+from uvcloth.export.gltf_surface import add_surface
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import from_euler
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
@@ -96,10 +97,10 @@ def write_character(
     for piece in pieces:
         used, faces = piece.faces.unique(return_inverse=True)
         vertices = (body.mesh.vertices + piece.off * normals)[used] @ turned
-        source, primitive = add_geometry(document, Mesh(vertices, faces, torch.zeros(0, 2), faces))
+        mesh = Mesh(vertices, faces, torch.zeros(0, 2), faces)
+        source, (primitive,) = add_surface(document, piece.material, mesh, (0.5, 0.5, 0.5))
         joints, weights = strongest(body.weights[used], 4)
         primitive["attributes"] |= add_influences(document, joints[source], weights[source])
-        primitive["material"] = document.material(piece.material, (0.5, 0.5, 0.5))
         document.mesh(piece.name, [primitive], 0 if skinned else None)
     if not skinned:
         document.skins.clear()

@@ -207,8 +207,10 @@ def test_a_character_is_kept_and_seen(character: CharacterBody, tmp_path: Path) 
     with open_writer(tmp_path / "c.glb", [("tops", garment)], body, clip.fps) as writer:
         writer.add([garment.vertices], clip.transforms()[0])
     glb = GlbReader.load(tmp_path / "c.glb")
-    indices = glb.gltf.meshes[glb.gltf.nodes[glb.node("body")].mesh].primitives[0].indices
-    assert glb.gltf.accessors[indices].count == 3 * faces
+    primitives = glb.gltf.meshes[glb.gltf.nodes[glb.node("body")].mesh].primitives
+    assert sum(glb.gltf.accessors[each.indices].count for each in primitives) == 3 * faces
+    named = {glb.gltf.materials[each.material].name for each in primitives}
+    assert named == {part.material for part in (*parts.surface, *parts.props, *parts.visible)}
 
 
 def test_characters_that_cannot_be_dressed_are_refused(body: Body, tmp_path: Path) -> None:
@@ -236,8 +238,8 @@ def test_characters_that_cannot_be_dressed_are_refused(body: Body, tmp_path: Pat
         make(MakeBody(tmp_path / "b.npz", character=path))
     picture = OpenImageIO.ImageInput.open(str(tmp_path / "character.png")).read_image(format="uint8")
     assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 1000
-    with pytest.raises(InputError, match=r"odd\.fbx: expected a character as \.glb"):
-        body_from_character(tmp_path / "odd.fbx", body)
+    with pytest.raises(InputError, match=r"odd\.obj: expected a character as \.glb"):
+        body_from_character(tmp_path / "odd.obj", body)
     with pytest.raises(InputError, match=r"odd\.glb: has its own shape"):
         make(MakeBody(tmp_path / "b.npz", character=path, phenotype=Phenotype(height=0.5)))
 

@@ -15,6 +15,7 @@ from uvcloth.characters.reader import read_character
 from uvcloth.commands.body import MakeBody
 from uvcloth.errors import InputError
 from uvcloth.files.image import write_png
+from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.authored import polygons_of
 
@@ -38,8 +39,8 @@ def test_a_top_with_its_texture_is_taken_off_and_worn_again(
     def textured(written: dict[str, Any]) -> None:
         written["images"] = [{"uri": f"data:image/png;base64,{picture}", "name": "red"}]
         written["textures"] = [{"source": 0}]
-        (top,) = (each for each in written["materials"] if "Tops" in each["name"])
-        top["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+        for material in written["materials"]:
+            material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
 
     path = tmp_path / "hero.glb"
     write_character(path, body, pieces(body))
@@ -47,10 +48,16 @@ def test_a_top_with_its_texture_is_taken_off_and_worn_again(
     MakeBody(out=tmp_path / "hero.npz", character=path, clothes=tmp_path / "clothes").run()
     written = tmp_path / "clothes" / "N00_Tops_CLOTH.obj"
     assert f"{written}: " in capsys.readouterr().out
-    worn = load_garment(str(written), load_body(tmp_path / "hero.npz"))
-    (material,) = polygons_of(worn.mesh).materials
-    assert material.texture is not None
-    assert material.texture.content == (tmp_path / "red.png").read_bytes()
+    hero = load_body(tmp_path / "hero.npz")
+    worn = load_garment(str(written), hero)
+    # The skin keeps its texture too, in the body's file and in what is written from it.
+    MakeBody(out=tmp_path / "shown.glb", body=tmp_path / "hero.npz").run()
+    shown = read_mesh(tmp_path / "shown.glb")
+    for mesh, name in ((worn.mesh, "N00_Tops_CLOTH"), (shown, "N00_Body_SKIN")):
+        (material,) = polygons_of(mesh).materials
+        assert material.name == name
+        assert material.texture is not None
+        assert material.texture.content == (tmp_path / "red.png").read_bytes()
     centre, expected = worn.mesh.vertices.mean(0), body.mesh.vertices[pieces(body)[1].faces.unique()].mean(0)
     assert float((centre - expected).norm()) < 0.03
 

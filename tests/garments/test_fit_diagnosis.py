@@ -136,7 +136,7 @@ def test_a_garment_that_cannot_be_unwrapped_is_named(suit, body, tmp_path, monke
         ("cut.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n", "."),
         ("noise.glb", b"glTF" + bytes(range(100)), "not a complete glTF file"),
         ("noise.stl", b"\x00" * 90, "."),
-        ("shirt.fbx", b"", "'.fbx'"),
+        ("shirt.max", b"", "'.max'"),
         ("shirt.pkl", b"", "'.pkl'"),
         ("shirt", b"", "garment file ends in"),
     ],

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from uvcloth.bodies.materials import material_arrays, with_materials
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays, smallest_indices
 from uvcloth.files.fields import Field, check_fields, indices, names, numbers, whole
@@ -86,7 +87,7 @@ class Proxy:
 class Appearance:
     """Visible meshes of a character, joined, instead of the surface that cloth collides with.
 
-    mesh: U vertices at rest, metres. weights: (U, J) blend weights.
+    mesh: U vertices at rest, metres, with the materials of the character. weights: (U, J) blend weights.
     """
 
     mesh: Mesh
@@ -221,7 +222,7 @@ def body_arrays(body: Body) -> dict[str, np.ndarray]:
         arrays["seen_faces"] = visible.faces.numpy().astype(np.uint32)
         arrays["seen_uvs"] = visible.uvs.numpy().astype(np.float32)
         arrays["seen_face_uvs"] = visible.face_uvs.numpy().astype(np.uint32)
-        arrays |= _pack_weights("seen_", body.appearance.weights)
+        arrays |= _pack_weights("seen_", body.appearance.weights) | material_arrays(visible)
     return arrays
 
 
@@ -276,7 +277,8 @@ def _proxy(path: Path, arrays: dict[str, np.ndarray], name: str, joints: int) ->
 
 def _appearance(path: Path, arrays: dict[str, np.ndarray], joints: int) -> Appearance:
     data = check_fields(path, arrays, _mesh_fields("seen_") | _weight_fields("seen_"), J=joints)
-    return Appearance(_unpack_mesh(data, "seen_"), _unpack_weights(path, data, "seen_", joints))
+    mesh = with_materials(path, arrays, _unpack_mesh(data, "seen_"))
+    return Appearance(mesh, _unpack_weights(path, data, "seen_", joints))
 
 
 def _pack_weights(prefix: str, weights: Tensor) -> dict[str, np.ndarray]:

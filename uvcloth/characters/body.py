@@ -5,10 +5,11 @@ its blend weights, and brings along the proxies and the base mesh that garments 
 character's own meshes are visible.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -16,6 +17,7 @@ from rasterize.layout import unwrap
 from rasterize.raycast import closest_points
 from uvcloth.bodies.body import REGIONS, Appearance, Body, Proxy
 from uvcloth.bodies.stature import stature
+from uvcloth.characters.look import polygons_of_parts
 from uvcloth.characters.parts import Sorted, sort_parts
 from uvcloth.characters.props import split_props
 from uvcloth.characters.reader import Part, read_character
@@ -23,6 +25,8 @@ from uvcloth.characters.registration import lifted, limbs_of, match, register
 from uvcloth.characters.rig import RiggedCharacter, rig_character
 from uvcloth.characters.shape import SkinnedSurface, rough_fit
 from uvcloth.errors import InputError
+from uvcloth.formats.gltf_mesh import read_materials
+from uvcloth.geometry.authored import AuthoredMesh, UvSet
 from uvcloth.geometry.mesh import Mesh, join_meshes, neighbour_average
 from uvcloth.geometry.skinning import diffuse_weights, skin
 from uvcloth.physics.surface import BodySurface
@@ -216,13 +220,16 @@ def _nearest_weights(pattern: Body) -> Tensor:
     return pattern.weights[torch.from_numpy(nearest)]
 
 
-def _appearance(path: Path, parts: Iterable[Part]) -> Appearance:
+def _appearance(path: Path, parts: Sequence[Part]) -> Appearance:
     """All visible meshes as one; parts without texture coordinates are unwrapped."""
     meshes = [_with_uvs(path, part) for part in parts]
     joined = join_meshes((mesh.vertices, mesh.faces) for mesh in meshes)
     textured = join_meshes((mesh.uvs, mesh.face_uvs) for mesh in meshes)
+    uv_set = UvSet(textured.vertices.numpy().astype(np.float32), textured.faces.numpy().reshape(-1))
+    materials = {material.name: material for material in read_materials(path)}
+    polygons = polygons_of_parts("body", parts, joined.faces.numpy(), (uv_set,), materials)
     weights = torch.cat([part.weights for part in parts])
-    return Appearance(Mesh(joined.vertices, joined.faces, textured.vertices, textured.faces), weights)
+    return Appearance(AuthoredMesh.of(joined.vertices, polygons), weights)
 
 
 def _with_uvs(path: Path, part: Part) -> Mesh:

@@ -1,17 +1,17 @@
 """Clothes of a character as garments of their own: at rest on the body made of it, with their textures."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
 import torch
 
+from uvcloth.characters.look import polygons_of_parts
 from uvcloth.characters.parts import Sorted, is_clothing
 from uvcloth.characters.reader import Part
 from uvcloth.errors import InputError
 from uvcloth.formats.gltf_mesh import read_materials
-from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, UvSet
+from uvcloth.geometry.authored import AuthoredMesh, SurfaceMaterial, UvSet
 from uvcloth.geometry.mesh import join_meshes, weld
 
 NOT_NAME = re.compile(r"[^0-9A-Za-z]+")
@@ -51,28 +51,9 @@ def _garment(name: str, parts: list[Part], materials: dict[str, SurfaceMaterial]
     """One mesh of all parts, their vertices joined where they are at one place."""
     joined = join_meshes((part.mesh.vertices, part.mesh.faces) for part in parts)
     kept, faces = weld(joined.vertices)[joined.faces].unique(return_inverse=True)
-    count = len(faces)
     uv_sets: tuple[UvSet, ...] = ()
     if all(len(part.mesh.uvs) for part in parts):
         textured = join_meshes((part.mesh.uvs, part.mesh.face_uvs) for part in parts)
         uv_sets = (UvSet(textured.vertices.numpy(), textured.faces.numpy().reshape(-1)),)
-    used = list(_used(parts, materials))
-    row_of = {material.name: row for row, material in enumerate(used)}
-    polygons = Polygons(
-        sizes=np.full(count, 3),
-        corners=faces.numpy().reshape(-1),
-        uv_sets=uv_sets,
-        objects=Labels((name,), np.zeros(count, np.int64)),
-        groups=Labels((), np.full(count, -1)),
-        materials=tuple(used),
-        material=np.concatenate(
-            [np.full(len(part.mesh.faces), row_of.get(part.material, -1)) for part in parts]
-        ),
-    )
+    polygons = polygons_of_parts(name, parts, faces.numpy(), uv_sets, materials)
     return AuthoredMesh.of(joined.vertices[kept].to(torch.float32), polygons)
-
-
-def _used(parts: list[Part], materials: dict[str, SurfaceMaterial]) -> Iterator[SurfaceMaterial]:
-    for name in dict.fromkeys(part.material for part in parts):
-        if name in materials:
-            yield materials[name]

@@ -1,4 +1,4 @@
-"""Rigged characters in glTF 2.0 files (.glb, .gltf, .vrm): meshes bound to a skeleton, in its bind pose."""
+"""Rigged characters in glTF 2.0 and FBX files: meshes bound to a skeleton, in its bind pose."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -10,13 +10,12 @@ import torch
 from torch import Tensor
 
 from uvcloth.errors import InputError
-from uvcloth.formats.gltf import Gltf, one_line, read_gltf, require_few
+from uvcloth.formats.gltf import SCENES, Gltf, one_line, read_gltf, require_few
 from uvcloth.formats.gltf_document import LARGEST
 from uvcloth.formats.gltf_rig import SkinJoints, chain, inverse_bind, read_rig, resting_worlds
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.roles import table_roles
 
-SUFFIXES = (".glb", ".gltf", ".vrm")
 TRIANGLES = 4
 """Mode of a primitive that is made of separate triangles."""
 
@@ -59,11 +58,12 @@ def read_character(path: Path) -> Character:
 
     Meshes of other skins on the same joints are included, and meshes without a skin on a node below a joint,
     such as eyes or the limbs of a robot. Morph targets stay at zero. Raises InputError naming the file if it
-    is not glTF, has no skin, no mesh bound to it, too many vertices, or damaged or unsupported content.
+    is of another kind, has no skin, no mesh bound to it, too many vertices, or damaged or unsupported
+    content.
     """
-    if Path(path).suffix.lower() not in SUFFIXES:
+    if Path(path).suffix.lower() not in SCENES:
         raise InputError(
-            f"{path}: expected a character as {', '.join(SUFFIXES)}; see docs/characters.md to convert others"
+            f"{path}: expected a character as {', '.join(SCENES)}; see docs/characters.md to convert others"
         )
     file = read_gltf(path)
     skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)

@@ -47,9 +47,9 @@ class MakeBody:
     body: BodyFile = None
     """An existing body to write in another format; not together with phenotypes."""
     character: Annotated[
-        Path | None, arg(metavar="GLB", help_behavior_hint=""), Source((".glb", ".gltf", ".vrm"))
+        Path | None, arg(metavar="GLB", help_behavior_hint=""), Source((".glb", ".gltf", ".vrm", ".fbx"))
     ] = None
-    """A rigged character (.glb, .gltf, .vrm) to make the body from; see docs/characters.md."""
+    """A rigged character (.glb, .gltf, .vrm, .fbx) to make the body from; see docs/characters.md."""
     joints: Annotated[
         Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)"), JSON
     ] = None

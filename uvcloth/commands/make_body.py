@@ -18,7 +18,8 @@ from uvcloth.characters.sheet import LEGEND, character_sheet
 from uvcloth.commands.body import MakeBody
 from uvcloth.errors import InputError
 from uvcloth.export.glb import Document
-from uvcloth.export.gltf_scene import add_body, add_skeleton
+from uvcloth.export.gltf_body import add_body
+from uvcloth.export.gltf_scene import add_skeleton
 from uvcloth.export.obj import save_obj
 from uvcloth.files.atomic import atomic_write, sole_writer
 from uvcloth.files.image import write_png

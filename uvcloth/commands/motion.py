@@ -15,7 +15,7 @@ class Motion:
     """Explain how a motion file is understood, and draw it as stick figures."""
 
     file: Positional[Annotated[str, arg(metavar="FILE|NAME"), MOTION]]
-    """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
+    """A motion file (BVH, glTF, FBX, AMASS) or the name of a built-in clip."""
     out: Annotated[Path, PNG] = Path("motion.png")
     """The picture to write."""
     body: BodyFile = None

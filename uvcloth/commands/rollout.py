@@ -44,7 +44,7 @@ class Rollout:
     """Move garments over a motion, and write files for engines, DCCs and players."""
 
     motion: Annotated[str, MOTION]
-    """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
+    """A motion file (BVH, glTF, FBX, AMASS) or the name of a built-in clip."""
     garment: Annotated[
         tuple[str, ...],
         arg(

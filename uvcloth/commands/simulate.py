@@ -33,7 +33,7 @@ class Simulate:
     """Simulate garments over clips with a cloth engine; run it again to continue."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
-    """Motion files (BVH, glTF, AMASS) or names of built-in clips."""
+    """Motion files (BVH, glTF, FBX, AMASS) or names of built-in clips."""
     out: Annotated[Path, NewFolder()]
     """Folder for the sequences, one npz per clip and garment."""
     garment: Garments = ("tops", "bottoms", "dress")

@@ -11,9 +11,9 @@ import numpy as np
 
 from uvcloth.export.animation import Animation
 from uvcloth.export.glb import FLOAT, VERTICES, Document
+from uvcloth.export.gltf_body import add_body
 from uvcloth.export.gltf_scene import (
     TO_Y_UP,
-    add_body,
     add_skeleton,
     animate_skeleton,
     unit_normals,

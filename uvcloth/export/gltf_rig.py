@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from uvcloth.export.glb import FLOAT, VERTICES, Document
+from uvcloth.export.gltf_body import add_body
 from uvcloth.export.gltf_scene import (
     TO_Y_UP,
-    add_body,
     add_influences,
     add_skeleton,
     animate_skeleton,

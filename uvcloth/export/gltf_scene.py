@@ -9,38 +9,16 @@ from typing import Any
 import numpy as np
 import torch
 
-from uvcloth.bodies.body import Body
 from uvcloth.export.animation import local_poses
-from uvcloth.export.glb import FLOAT, INDICES, INT, SHORT, VERTICES, Document
+from uvcloth.export.glb import FLOAT, SHORT, VERTICES, Document
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
-from uvcloth.geometry.skinning import strongest
-from uvcloth.render import BODY_COLOR
 
 GLTF_INFLUENCES = 4
 """Joint influences per vertex that every glTF reader supports."""
 
 # Z up, facing -Y -> Y up, facing +Z.
 TO_Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float32)
-
-
-def add_geometry(document: Document, mesh: Mesh) -> tuple[np.ndarray, dict[str, Any]]:
-    """Add a mesh at rest.
-
-    Returns the source vertex of each glTF vertex (M,), and a primitive without material.
-    """
-    source, faces, uvs = split_seams(mesh)
-    positions = mesh.vertices.numpy()[source] @ TO_Y_UP.T
-    normals = unit_normals(mesh.vertices.numpy(), mesh)[source] @ TO_Y_UP.T
-    attributes = {
-        "POSITION": document.array(positions, "VEC3", FLOAT, VERTICES, bounds=True),
-        "NORMAL": document.array(normals, "VEC3", FLOAT, VERTICES),
-    }
-    if len(mesh.uvs):
-        # glTF measures the second coordinate from the top of the picture.
-        attributes["TEXCOORD_0"] = document.array(uvs * [1, -1] + [0, 1], "VEC2", FLOAT, VERTICES)
-    indices = document.array(faces.ravel(), "SCALAR", INT, INDICES)
-    return source, {"attributes": attributes, "indices": indices}
 
 
 def add_influences(document: Document, joints: np.ndarray, weights: np.ndarray) -> dict[str, int]:
@@ -91,15 +69,6 @@ def animate_skeleton(
         shifts = translations[:, joint] @ TO_Y_UP.T
         if np.abs(shifts - bone).max() > 1e-6:
             document.animate(first + joint, "translation", time, document.array(shifts, "VEC3"))
-
-
-def add_body(document: Document, body: Body, skin: int) -> None:
-    """Add the skinned body, with the four strongest influences of each vertex."""
-    source, primitive = add_geometry(document, body.mesh)
-    joints, weights = strongest(body.weights, GLTF_INFLUENCES)
-    primitive["attributes"] |= add_influences(document, joints[source], weights[source])
-    primitive["material"] = document.material("body", BODY_COLOR)
-    document.mesh("body", [primitive], skin, extras={"source_vertices": source.tolist()})
 
 
 def split_seams(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

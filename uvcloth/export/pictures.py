@@ -20,6 +20,7 @@ from uvcloth.geometry.skeleton import joint_positions
 from uvcloth.lighting import COARSE, FINE, Quality
 from uvcloth.render import (
     BODY_COLOR,
+    FRAMING,
     GARMENT_COLORS,
     Camera,
     Surface,
@@ -46,6 +47,9 @@ TURNS: dict[CameraName | None, float] = {"front": 0.0, "side": 90.0, "back": 180
 """Degrees of cameras around the body, from its front to its left; others stand at ASIDE."""
 
 ASIDE = 30.0
+
+FILLED = 1.03
+"""Framing of cameras that a person chose: they hold the body with a narrow margin."""
 
 CLOSE = 0.15
 """Distance from the middle of the body, over its height, up to which a close camera keeps joints in view."""
@@ -97,7 +101,8 @@ def camera_path(
     turned = from_euler("z", torch.from_numpy(angles)[:, None]).to(path.dtype)
     around = ((joints - path[:, None]) @ turned)[:: max(1, len(motion) // FITTED_FRAMES)].reshape(-1, 1, 3)
     corners = torch.cartesian_prod(*[torch.tensor([-REACH, REACH])] * 3)
-    still = three_quarter(around + corners, TURNS.get(camera, ASIDE), aspect=aspect)
+    framing = FILLED if camera else FRAMING
+    still = three_quarter(around + corners, TURNS.get(camera, ASIDE), aspect=aspect, framing=framing)
     eyes, targets = (
         path + turned @ torch.tensor(place, dtype=path.dtype) for place in (still.eye, still.target)
     )

@@ -46,6 +46,7 @@ def write_usd(animation: Animation, path: Path) -> None:
             geometry = define_mesh(stage, "/Outfit/body/mesh", body.mesh, BODY_COLOR)
             rest_geometry(geometry, body.mesh)
             bind(geometry, skeleton, *strongest(body.weights, BODY_INFLUENCES))
+            add_subsets(stage, geometry, body.mesh, path.with_stem(f"{path.stem}_body"))
 
 
 def _write_garment(stage: Any, animation: Animation, index: int, prim: str) -> Any:

@@ -56,6 +56,7 @@ def write_rig_usd(rig: Rig, path: Path) -> None:
             geometry = define_mesh(stage, "/Outfit/body", body.mesh, BODY_COLOR)
             rest_geometry(geometry, body.mesh)
             bind(geometry, skeleton, *strongest(body.weights, BODY_INFLUENCES))
+            add_subsets(stage, geometry, body.mesh, path.with_stem(f"{path.stem}_body"))
 
 
 def _rig_garment(stage: Any, geometry: Any, skeleton: Any, garment: RiggedGarment, names: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""glTF 2.0 files: their JSON, and the arrays of its accessors."""
+"""glTF 2.0 files, and FBX files as such: their JSON, and the arrays of its accessors."""
 
 import base64
 import json
@@ -12,12 +12,16 @@ import numpy as np
 
 from uvcloth.errors import InputError
 from uvcloth.files.reading import file_below, read_content
+from uvcloth.formats.fbx import FBX, glb_from_fbx
 from uvcloth.formats.gltf_document import check_document, parents_of
 
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 INDEX_TYPES = {code: TYPES[code] for code in (5121, 5123, 5125)}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+SCENES = (".glb", ".gltf", ".vrm", FBX)
+"""Suffixes of the files that `read_gltf` reads."""
 
 LONGEST_NAME = 200
 """Characters of a name that are kept."""
@@ -201,9 +205,9 @@ def decode_data(uri: str) -> bytes:
 
 
 def read_gltf(path: Path) -> Gltf:
-    """Read a .glb or .gltf file. Raises InputError naming the file, and the place, if it is not valid."""
+    """Read a file of SCENES. Raises InputError naming the file, and the place, if it is not valid."""
     path = Path(path)
-    content = read_content(path)
+    content = glb_from_fbx(path) if path.suffix.lower() == FBX else read_content(path)
     try:
         text, binary = _chunks(content) if content[:4] == MAGIC else (content, b"")
         document = json.loads(text)

@@ -9,22 +9,23 @@ from numpy.typing import NDArray
 
 from uvcloth.errors import InputError, cause
 from uvcloth.files.reading import read_content
+from uvcloth.formats.gltf import SCENES
 from uvcloth.formats.gltf_document import LARGEST
 from uvcloth.formats.gltf_mesh import read_gltf_mesh
 from uvcloth.formats.obj import read_obj
 from uvcloth.formats.size import refuse_large_file, refuse_too_many
 from uvcloth.geometry.mesh import Mesh
 
-EXTENSIONS = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
+EXTENSIONS = (".obj", ".ply", ".glb", ".gltf", ".fbx", ".stl", ".off")
 
 
 def read_mesh(path: Path) -> Mesh:
     """Read a mesh as its file has it: units, axes and vertex order untouched, polygons cut into triangles.
 
-    An OBJ and a glTF file give an AuthoredMesh, which keeps polygons, groups, materials and colours. A file
-    without texture coordinates gives uvs (0, 2) and face_uvs (0, 3). Raises InputError for an unsupported
-    extension, an unreadable file, no faces, a face with vertices that do not exist, more than MOST_VERTICES
-    or MOST_FACES, or a number that is not finite or beyond LARGEST.
+    An OBJ, a glTF and an FBX file give an AuthoredMesh, which keeps polygons, groups, materials and colours.
+    A file without texture coordinates gives uvs (0, 2) and face_uvs (0, 3). Raises InputError for an
+    unsupported extension, an unreadable file, no faces, a face with vertices that do not exist, more than
+    MOST_VERTICES or MOST_FACES, or a number that is not finite or beyond LARGEST.
     """
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:
@@ -59,7 +60,7 @@ def _read(path: Path) -> Mesh:
     if kind == ".obj":
         return read_obj(path)
     try:
-        return read_gltf_mesh(path) if kind in (".glb", ".gltf") else _read_with_trimesh(path)
+        return read_gltf_mesh(path) if kind in SCENES else _read_with_trimesh(path)
     except InputError:
         raise
     except Exception as error:  # With a broken file, readers raise exceptions of any type.

@@ -1,4 +1,4 @@
-"""Loading of clips by path or name: BVH, glTF and AMASS files, clip archives, clips of the package."""
+"""Loading of clips by path or name: BVH, glTF, FBX and AMASS files, clip archives, clips of the package."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -13,6 +13,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.fields import check_fields, indices, names, numbers
+from uvcloth.formats.gltf import SCENES
 from uvcloth.geometry.rotations import are_unit, from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton, in_order
 from uvcloth.motion.amass import carried_over, fits_unchanged, is_amass, read_amass
@@ -49,12 +50,9 @@ def builtin_clips() -> dict[str, Path]:
 
 DEFAULTS = MotionOptions()
 
-GLTF = (".glb", ".gltf", ".vrm")
-"""Suffixes of glTF files, which may hold several animations."""
-
 READERS: dict[str, Callable[[Path], Clip]] = {
     ".bvh": read_bvh,
-    **dict.fromkeys(GLTF, read_gltf_motion),
+    **dict.fromkeys(SCENES, read_gltf_motion),
 }
 """Readers of motion files by suffix, besides that of clip archives."""
 
@@ -125,8 +123,8 @@ def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> tuple[dict[str,
 def read_motion(path_or_name: str | Path, animation: str | None = None) -> Clip:
     """Read a motion file or a built-in clip on its own skeleton, in its own units and axes.
 
-    animation: of a glTF file, by name or number. Raises InputError for another suffix, an unknown name, an
-    animation of another file, and as the reader of the file does.
+    animation: of a glTF or FBX file, by name or number. Raises InputError for another suffix, an unknown
+    name, an animation of another file, and as the reader of the file does.
     """
     path = builtin_clips().get(str(path_or_name), Path(path_or_name))
     reader = (READERS | {".npz": read_archive}).get(path.suffix.lower())
@@ -137,8 +135,10 @@ def read_motion(path_or_name: str | Path, animation: str | None = None) -> Clip:
         )
     if animation is None:
         return reader(path)
-    if path.suffix.lower() not in GLTF:
-        raise InputError(f"{path_or_name}: --animation is for {', '.join(GLTF)}, this file holds one motion")
+    if path.suffix.lower() not in SCENES:
+        raise InputError(
+            f"{path_or_name}: --animation is for {', '.join(SCENES)}, this file holds one motion"
+        )
     return read_gltf_motion(path, animation)
 
 

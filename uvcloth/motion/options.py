@@ -29,7 +29,7 @@ class MotionOptions:
     ] = None
     """Roles of joints, {"hips": "Pelvis", ...}; `uvcloth motion FILE` lists the roles."""
     animation: Annotated[str | None, arg(metavar="NAME|N", help_behavior_hint="(default: the first)")] = None
-    """Animation of a glTF file, by its name or number; `uvcloth motion FILE` lists them."""
+    """Animation of a glTF or FBX file, by its name or number; `uvcloth motion FILE` lists them."""
     rest_frame: Annotated[
         int | None, arg(metavar="N", help_behavior_hint="(default: found)"), Between(0, 10**8)
     ] = None
