@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.request import urlopen
 
+from tests.formats.fbx_text import mesh_text
 from tests.motion.families import FAMILIES
 from tests.motion.layouts import write_layout
 from tests.train.simulated import save_clips
@@ -47,6 +48,7 @@ USES = {
     "video": f"{ROLLOUT} walk.mp4",
     "view": VIEW,
     "alembic": f"{ROLLOUT} walk.abc",
+    "fbx": "uvcloth fit blouse.fbx",
     "report": "uvcloth evaluate --model lbs --data data --split validation --map-size 16 --out report",
 }
 """For each extra a command that needs it."""
@@ -145,7 +147,9 @@ def write_inputs(folder: Path) -> None:
     folder.mkdir()
     body = load_body()
     write_layout(load_clip("walk", body), FAMILIES["CMU"], folder / "walk.bvh")
-    save_obj(fit_template("shirt", body).mesh, folder / "blouse.obj")
+    blouse = fit_template("shirt", body).mesh
+    save_obj(blouse, folder / "blouse.obj")
+    (folder / "blouse.fbx").write_text(mesh_text(100.0 * blouse.vertices.numpy(), blouse.faces.numpy()))
     save_clips(folder / "data", ("tops",), clips=2, frames=8)
     (folder / "library.py").write_text(re.findall(r"^```python\n(.*?)^```", README, re.M | re.S)[0])
     (folder / "typed.py").write_text(TYPED)

@@ -1,12 +1,12 @@
 """FBX files: a skinned bar in ASCII, in centimetres with Z up, written here."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from tests.formats.fbx_text import array, document, model
 from uvcloth.characters.reader import read_character
 from uvcloth.errors import InputError
 from uvcloth.formats import fbx
@@ -57,28 +57,7 @@ def bar_text() -> str:
     links = ((2, 0), (1, 2), (3, 0), (4, 3), (5, 3), (6, 4), (7, 2), (8, 1), (9, 8), (10, 8), (3, 9), (4, 10))
     links = (*links, (12, 11), (13, 12))
     connections = "\n".join(f'C: "OO",{child},{parent}' for child, parent in links)
-    return (
-        "; FBX 7.4.0 project file\nFBXHeaderExtension: {\n FBXVersion: 7400\n }\n"
-        "GlobalSettings: { Properties70: {\n"
-        ' P: "UpAxis", "int", "Integer", "",2\n P: "UpAxisSign", "int", "Integer", "",1\n'
-        ' P: "FrontAxis", "int", "Integer", "",1\n P: "FrontAxisSign", "int", "Integer", "",-1\n'
-        ' P: "CoordAxis", "int", "Integer", "",0\n P: "CoordAxisSign", "int", "Integer", "",1\n'
-        ' P: "UnitScaleFactor", "double", "Number", "",1\n P: "TimeMode", "enum", "", "",6\n } }\n'
-        f"Objects: {{\n{objects}\n}}\nConnections: {{\n{connections}\n"
-        'C: "OP",13,4, "Lcl Rotation"\nC: "OP",14,13, "d|X"\n}\n'
-    )
-
-
-def array(name: str, values: Sequence[float] | np.ndarray) -> str:
-    return f"{name}: *{len(values)} {{ a: {','.join(f'{value:g}' for value in values)}\n }}\n"
-
-
-def model(number: int, name: str, kind: str, place: tuple[int, int, int] = (0, 0, 0)) -> str:
-    at = ",".join(map(str, place))
-    return (
-        f'Model: {number}, "Model::{name}", "{kind}" {{ Version: 232\n Properties70: {{\n'
-        f' P: "Lcl Translation", "Lcl Translation", "", "A",{at}\n }} }}'
-    )
+    return document(objects, f'{connections}\nC: "OP",13,4, "Lcl Rotation"\nC: "OP",14,13, "d|X"')
 
 
 def cluster(number: int, vertices: range, place: tuple[int, int, int]) -> str:
