@@ -8,7 +8,8 @@ on one thread; DATA: a folder of `uvcloth simulate`. For every sequence CLIP_GAR
 over the whole motion and prints, after the warm-up, the mean distance of the vertices in mm, and of the tenth
 of the vertices that moves most against the skinned garment the ratio of its speed to the simulation's and
 their correlation (swing); then the milliseconds of processor time that a frame takes on average, posing
-included. The machine's load is printed.
+included. Other simulations, members of the ensemble in DATA/members, show how much of that is chance. The
+machine's load is printed.
 """
 
 import os
@@ -20,6 +21,7 @@ from pathlib import Path
 
 import torch
 import tyro
+from torch import Tensor
 
 from evaluate.metrics import Reference, distance_scores, swing_scores
 from evaluate.results import swing
@@ -63,6 +65,9 @@ class Cages:
                     if method.unsupported_reason(outfit):
                         continue
                     print(f"{garment} {clip} {name}: {measured(method, sequence, outfit)}", flush=True)
+                for path in sorted(self.data.glob(f"members/*/{clip}_{garment}.npz")):
+                    member = load_simulated(path).vertices
+                    print(f"{garment} {clip} another simulation: {scored(member, sequence, outfit)}")
 
 
 def methods(body: Body) -> Iterator[tuple[str, Method]]:
@@ -78,19 +83,22 @@ def methods(body: Body) -> Iterator[tuple[str, Method]]:
 
 def measured(method: Method, sequence: SimulatedClip, outfit: Outfit) -> str:
     """Measure a method on a sequence of the outfit's garment: one line of figures."""
-    garment = outfit.garments[0]
     prepared = prepare_rollout(method, outfit)
     before = time.process_time()
     frames = [frame.vertices[0] for frame in prepared.frames(sequence.transforms, sequence.fps)]
     spent = 1000.0 * (time.process_time() - before) / len(frames)
-    scored = slice(sequence.warm_up, None)
-    skinned = skin(garment.mesh.vertices, garment.smooth_weights, sequence.transforms)[scored]
-    vertices, truth = torch.stack(frames)[scored], sequence.vertices[scored]
-    mesh = garment.mesh
+    return f"{scored(torch.stack(frames), sequence, outfit)}, {spent:.1f}"
+
+
+def scored(vertices: Tensor, sequence: SimulatedClip, outfit: Outfit) -> str:
+    """Error, swing and correlation of vertices (F, N, 3) m after the warm-up of a sequence."""
+    (garment,), frames = outfit.garments, slice(sequence.warm_up, None)
+    mesh, vertices, truth = garment.mesh, vertices[frames], sequence.vertices[frames]
+    skinned = skin(mesh.vertices, garment.smooth_weights, sequence.transforms)[frames]
     reference = Reference(truth, (), skinned, mesh.vertices, mesh.faces, sequence.fps, None, None)
     error = float(distance_scores(vertices, truth)["vertex_mean_mm"].mean())
     ratio, correlation = swing([swing_scores(vertices, reference)]).values()
-    return f"{error:.1f}, {ratio:.2f}, {correlation:.2f}, {spent:.1f}"
+    return f"{error:.1f}, {ratio:.2f}, {correlation:.2f}"
 
 
 if __name__ == "__main__":
