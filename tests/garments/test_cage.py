@@ -5,7 +5,8 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.garments.cage import AROUND, QUALITIES, Cage, make_cage
+from uvcloth.garments import cage as cages
+from uvcloth.garments.cage import AROUND, QUALITIES, Cage, kept_cage, make_cage
 from uvcloth.garments.places import hems
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges, edge_lengths, face_normals, unique_edges, weld
@@ -73,6 +74,18 @@ def test_the_same_garment_has_the_same_cage(body: Body) -> None:
     first, second = (make_cage(mesh.vertices, mesh.faces, EDGE) for _ in range(2))
     assert first.vertices.equal(second.vertices)
     assert first.faces.equal(second.faces)
+
+
+def test_the_last_cages_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    points, faces = _sheet(0.3, 8, 0.0)
+    monkeypatch.setattr(cages, "KEPT", 2)
+    first = kept_cage(points, faces, EDGE)
+    assert kept_cage(points.clone(), faces, EDGE) is first
+    assert kept_cage(2.0 * points, faces, EDGE) is not first
+    assert kept_cage(points, faces, EDGE) is first
+    for scale in (3.0, 4.0):
+        kept_cage(scale * points, faces, EDGE)
+    assert kept_cage(points, faces, EDGE) is not first
 
 
 def _sheet(side: float, count: int, height: float) -> tuple[Tensor, Tensor]:

@@ -18,6 +18,7 @@ from torch import Tensor
 
 from rasterize.charts import face_components
 from rasterize.gather import gather
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import (
     Mesh,
     boundary_edges,
@@ -67,6 +68,9 @@ TRIM_SHARE = 0.02
 FEWEST = 60
 """Least number of vertices of a cage, about: a strap gets smaller faces than a coat."""
 
+KEPT = 32
+"""Cages that stay in memory: the same garment is prepared again for each clip, fabric and view."""
+
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -94,6 +98,19 @@ class Cage:
     def at_garment(self, values: Tensor) -> Tensor:
         """Values (..., N, C) at the garment's vertices from values at the cage's (..., n, C)."""
         return gather(values, self.own_corners, self.own_weights)
+
+
+_KEPT: dict[str, Cage] = {}
+
+
+def kept_cage(vertices: Tensor, faces: Tensor, edge: float) -> Cage:
+    """`make_cage`, or its result for the same garment, if that is one of the last KEPT."""
+    key = fingerprint(vertices, faces, f"{edge}")
+    cage = _KEPT.pop(key, None) or make_cage(vertices, faces, edge)
+    _KEPT[key] = cage
+    if len(_KEPT) > KEPT:
+        del _KEPT[next(iter(_KEPT))]
+    return cage
 
 
 def make_cage(vertices: Tensor, faces: Tensor, edge: float) -> Cage:

@@ -13,7 +13,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.band import holding_band
-from uvcloth.garments.cage import QUALITIES, Cage, make_cage
+from uvcloth.garments.cage import QUALITIES, Cage, kept_cage
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import WeldedMesh, join_meshes, welded
 from uvcloth.geometry.rotations import from_axis_angles, heading, to_axis_angles
@@ -303,7 +303,7 @@ def _caged(garments: Sequence[Garment], edge: float) -> Iterator[CagedGarment]:
     first = 0
     for garment in garments:
         mesh = welded(garment.mesh.vertices, garment.mesh.faces)
-        cage = make_cage(mesh.points, mesh.faces, edge)
+        cage = kept_cage(mesh.points, mesh.faces, edge)
         weights = garment.smooth_weights[mesh.kept]
         yield CagedGarment(
             mesh=mesh,
