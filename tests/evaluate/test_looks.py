@@ -8,6 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from benchmarks.measures import FPS, UP, moving, sheet, waving
 from evaluate.after_stop import stop_scores
 from evaluate.force_balance import MOST_FORCE, balanced_frames, force_balance, force_scores
 from evaluate.hem import find_hem, hem_scores
@@ -18,31 +19,6 @@ from evaluate.swing_bands import BANDS, band_scores
 from evaluate.wrinkles import wave_filters, wrinkle_scores
 from uvcloth.geometry.units import GRAVITY
 from uvcloth.physics.fabric import JERSEY
-
-FPS = 30.0
-UP = torch.tensor([0.0, 0.0, 1.0])
-
-
-def cloth(across: int = 21, along: int = 21, spacing: float = 0.02) -> tuple[Tensor, Tensor]:
-    """A flat sheet in the XY plane: vertices and faces."""
-    x, y = torch.meshgrid(torch.arange(across), torch.arange(along), indexing="ij")
-    corner = (x[:-1, :-1] * along + y[:-1, :-1]).reshape(-1)
-    a, b, c, d = corner, corner + along, corner + along + 1, corner + 1
-    vertices = torch.stack([x, y, 0 * x], dim=-1).reshape(-1, 3) * spacing
-    return vertices, torch.cat([torch.stack([a, b, c], 1), torch.stack([a, c, d], 1)])
-
-
-def moving(offsets: Tensor) -> Reference:
-    """A sheet that moves by offsets (F, N, 3) or (F, 1, 3) m from its skinned shape."""
-    rest, faces = cloth()
-    skinned = rest.expand(len(offsets), -1, -1)
-    return Reference(skinned + offsets, (), skinned, rest, faces, FPS, None, None)
-
-
-def waving(frames: int, hertz: float, amplitude: float = 0.02, delay: float = 0.0) -> Tensor:
-    """Offsets (F, 1, 3) m, up and down. delay: s."""
-    seconds = torch.arange(frames) / FPS - delay
-    return amplitude * torch.sin(2 * torch.pi * hertz * seconds)[:, None, None] * UP
 
 
 def bands(predicted: Tensor, truth: Tensor) -> dict[str, Any]:
@@ -59,9 +35,9 @@ def bands(predicted: Tensor, truth: Tensor) -> dict[str, Any]:
 @pytest.mark.parametrize(("hertz", "band"), [(0.5, "0_1"), (2.0, "1_3"), (5.5, "3_8"), (11.0, "8_15")])
 def test_a_swing_is_in_its_band_and_halved_there(hertz: float, band: str) -> None:
     """Half the amplitude beside an equal drift halves the ratio in one band only."""
-    rest = sum(waving(120, other) for other in (0.5, 2.0, 5.5, 11.0) if other != hertz)
+    rest = sum(waving(other) for other in (0.5, 2.0, 5.5, 11.0) if other != hertz)
     assert isinstance(rest, Tensor)
-    fields = bands(rest + waving(120, hertz, 0.01), rest + waving(120, hertz))
+    fields = bands(rest + waving(hertz, 0.01), rest + waving(hertz))
     for low, high in BANDS:
         expected = 0.5 if f"{low}_{high}" == band else 1.0
         assert fields[f"swing_ratio_{low}_{high}_hz"] == pytest.approx(expected, abs=0.08)
@@ -70,8 +46,8 @@ def test_a_swing_is_in_its_band_and_halved_there(hertz: float, band: str) -> Non
 def test_a_delay_lowers_the_correlation_of_fast_bands_most() -> None:
     """By the cosine of its phase: 50 ms are a tenth of a turn at 2 Hz, and more than a quarter at 5.5 Hz."""
     delay = 0.05
-    truth = waving(120, 2.0) + waving(120, 5.5)
-    fields = bands(waving(120, 2.0, delay=delay) + waving(120, 5.5, delay=delay), truth)
+    truth = waving(2.0) + waving(5.5)
+    fields = bands(waving(2.0, delay=delay) + waving(5.5, delay=delay), truth)
     for hertz, band in ((2.0, "1_3"), (5.5, "3_8")):
         expected = math.cos(2 * math.pi * hertz * delay)
         assert fields[f"swing_correlation_{band}_hz"] == pytest.approx(expected, abs=0.05)
@@ -79,18 +55,18 @@ def test_a_delay_lowers_the_correlation_of_fast_bands_most() -> None:
 
 
 def test_a_short_window_measures_no_slow_band_and_skinning_has_no_direction() -> None:
-    short = bands(waving(40, 5.5), waving(40, 5.5))
+    short = bands(waving(5.5, frames=40), waving(5.5, frames=40))
     assert short["swing_ratio_0_1_hz"] is None
     assert short["swing_ratio_3_8_hz"] == pytest.approx(1.0)
-    skinned = bands(0.0 * waving(120, 2.0), waving(120, 2.0))
+    skinned = bands(0.0 * waving(2.0), waving(2.0))
     assert skinned["swing_ratio_1_3_hz"] == 0.0
     assert skinned["swing_correlation_1_3_hz"] is None
-    assert band_scores(waving(3, 2.0).expand(-1, 441, -1), moving(waving(3, 2.0))) == {}
+    assert band_scores(waving(2.0, frames=3).expand(-1, 441, -1), moving(waving(2.0, frames=3))) == {}
 
 
 def test_the_bands_of_a_long_window_sum_to_its_motion() -> None:
     """So that a long window counts for more than a short one."""
-    case = moving(waving(150, 0.7) + waving(150, 2.0) + waving(150, 5.5))
+    case = moving(waving(0.7, frames=150) + waving(2.0, frames=150) + waving(5.5, frames=150))
     velocities, _ = swing_velocities(case.vertices, case)
     total = float(velocities.square().sum())
     assert float(band_scores(case.vertices, case)["band_square"].sum()) == pytest.approx(total, rel=0.05)
@@ -98,7 +74,7 @@ def test_the_bands_of_a_long_window_sum_to_its_motion() -> None:
 
 def test_a_patch_has_its_width() -> None:
     """The average of x^2 around x = 0 is the variance."""
-    rest, faces = cloth(41, 41)
+    rest, faces = sheet(41, 41)
     squares = (rest[:, :1] - 0.4).square().double()[None]
     averages = make_surface(rest, faces).diffusion(0.08)(squares)
     assert float(averages[0, 20 * 41 + 20]) == pytest.approx(0.08**2, rel=0.02)
@@ -106,7 +82,7 @@ def test_a_patch_has_its_width() -> None:
 
 @pytest.mark.parametrize(("wavelength", "band"), [(0.4, 0), (0.14, 1), (0.07, 2), (0.035, 3)])
 def test_noise_of_one_wavelength_is_in_its_band(wavelength: float, band: int) -> None:
-    rest, faces = cloth(81, 11, 0.01)
+    rest, faces = sheet(81, 11, 0.01)
     wave = 0.01 * torch.cos(2 * torch.pi * rest[:, 0] / wavelength)
     case = Reference((rest + wave[:, None] * UP)[None], (), rest[None], rest, faces, FPS, None, None)
     squares = wrinkle_scores(wave_filters(make_surface(rest, faces)), case.vertices, case)["wrinkle_mm2"][0]
