@@ -108,7 +108,7 @@ def kept_cage(vertices: Tensor, faces: Tensor, edge: float) -> Cage:
     key = fingerprint(vertices, faces, f"{edge}")
     cage = _KEPT.pop(key, None) or make_cage(vertices, faces, edge)
     _KEPT[key] = cage
-    if len(_KEPT) > KEPT:
+    while len(_KEPT) > KEPT:
         del _KEPT[next(iter(_KEPT))]
     return cage
 
