@@ -38,7 +38,7 @@ from uvcloth.files.atomic import atomic_write
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.units import GRAVITY
-from uvcloth.physics.exposure import Exposure
+from uvcloth.physics.exposure import covered_skin
 from uvcloth.physics.fabric import JERSEY
 from uvcloth.physics.measures import edge_change
 from uvcloth.physics.self_intersection import crossing_edges_percent
@@ -290,7 +290,7 @@ def slab() -> Body:
 def shares(meshes: Sequence[Mesh], frames: Sequence[Tensor]) -> dict[str, list[float]]:
     """Percent of pixels at fault of garments on the slab, all as one, in some frames (N, 3) m."""
     body = slab()
-    sight = make_sight(body, meshes, Exposure(body, meshes).covered_faces)
+    sight = make_sight(body, meshes, covered_skin(body, meshes))
     scores = pixel_scores(sight, torch.stack(list(frames)), body.mesh.vertices.expand(len(frames), -1, -1))
     return {key: values.tolist() for key, values in scores.items()}
 

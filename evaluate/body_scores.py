@@ -9,7 +9,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.geometry.mesh import Mesh, join_meshes
-from uvcloth.physics.exposure import CLOTH_POINTS, Exposure, SurfaceSample, spread
+from uvcloth.physics.exposure import CLOTH_POINTS, Exposure, SurfaceSample, covered_skin, spread
 from uvcloth.physics.obstacle import ContactGarment, Obstacle
 
 from .metrics import sampled_frames
@@ -36,15 +36,14 @@ def dressed_body(body: Body, meshes: Sequence[Mesh]) -> DressedBody:
     """A garment, or several as one mesh, as they lie on a body at rest."""
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in meshes)
-    exposure = Exposure(body, meshes)
     sample = spread(outfit.vertices, outfit.faces, CLOTH_POINTS)
     return DressedBody(
         obstacle=obstacle,
         garment=obstacle.contact_garment(outfit.vertices),
         sample=sample,
         loose=obstacle.contact_garment(sample.points(outfit.vertices)),
-        exposure=exposure,
-        sight=make_sight(body, meshes, exposure.covered_faces),
+        exposure=Exposure(body, meshes),
+        sight=make_sight(body, meshes, covered_skin(body, meshes)),
     )
 
 

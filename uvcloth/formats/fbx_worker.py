@@ -1,10 +1,10 @@
 """An FBX file as glTF 2.0, run as `python fbx_worker.py FILE.fbx` beside the program that asks.
 
 Never imported: ufbx 0.0.5, a binding of a C library, ends the process where it counts references wrongly.
-Writes a .glb to standard output: the nodes, the triangles with their first set of texture coordinates, one
-skin for all meshes, the base colours of materials with their textures, and each animation sampled at the rate
-of the file. The root node turns and scales to glTF's axes and metre. Morph targets stay at zero. A file that
-cannot be converted leaves its reason in the last line of standard error.
+Writes a .glb to standard output: the nodes, the triangles with their first set of texture coordinates, a skin
+for each mesh on the same joints, the base colours of materials with their textures, and each animation
+sampled at the rate of the file. The root node turns and scales to glTF's axes and metre. Morph targets stay
+at zero. A file that cannot be converted leaves its reason in the last line of standard error.
 """
 
 import ctypes
@@ -29,13 +29,11 @@ RATES = (24.0, 120.0)
 MOST_INFLUENCES = 8
 """Joints that move a vertex, the strongest ones."""
 
-PICTURES = {b"\x89PNG": "image/png", b"\xff\xd8\xff\xe0"[:3]: "image/jpeg"}
+PICTURES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 """Kinds of pictures by their first bytes."""
 
 REFERENCES = 1 << 40
 """More references than a conversion uses up."""
-
-Buffers = list[bytes]
 
 
 class Document:

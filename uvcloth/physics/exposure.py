@@ -101,28 +101,15 @@ class Exposure:
     A point of the skin is covered if the ray along its normal first meets, within COVER_DISTANCE, the inner
     side of the garments. It shows if, posed, the ray into the body first meets their outer side, within
     UNDER_SKIN_DISTANCE, and neither they nor another part of the body are within HIDING_DISTANCE in front.
-    Skin that a hem has left bare does not count. covered: these points. covered_faces: (F,) mask of the
-    body's faces whose middle is covered.
+    Skin that a hem has left bare does not count. covered: these points.
     """
 
     def __init__(self, body: Body, garments: Sequence[Mesh]) -> None:
         """Find the covered points; garments: as they lie on the body at rest."""
-        outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in garments)
-        self._cloth = Shell(outfit.vertices, outfit.faces)
-        self._body = Shell(body.mesh.vertices, body.mesh.faces)
+        self._cloth, self._body = _shells(body, garments)
         everywhere = spread(body.mesh.vertices, body.mesh.faces, SKIN_POINTS)
-        self.covered = everywhere.subset(self._covers(everywhere, body.mesh.vertices))
-        middles = SurfaceSample(
-            body.mesh.faces, body.mesh.vertices.new_full((len(body.mesh.faces), 3), 1 / 3)
-        )
-        self.covered_faces = self._covers(middles, body.mesh.vertices)
-
-    def _covers(self, sample: SurfaceSample, body_vertices: Tensor) -> Tensor:
-        """Mask (P,) of the points of a sample of the body at rest (V, 3) m that are covered there."""
-        points, normals = sample.oriented(body_vertices)
-        cloth, facing = self._cloth.first_hit(points, normals, COVER_DISTANCE)
-        limb, _ = self._body.first_hit(points + RAY_START_HEIGHT * normals, normals, COVER_DISTANCE)
-        return (cloth < COVER_DISTANCE) & (facing > 0) & (cloth < limb)
+        covered = _covered(self._cloth, self._body, everywhere, body.mesh.vertices)
+        self.covered = everywhere.subset(covered)
 
     def shows(self, garments: Sequence[Tensor], body_vertices: Tensor) -> Tensor:
         """Mask of the covered points of a posed body (V, 3) m that show through garments (N, 3) m: (P,)."""
@@ -143,3 +130,24 @@ class Exposure:
         """Percent of the covered points that show, 0 if nothing is covered. Arguments as of `shows`."""
         shows = self.shows(garments, body_vertices)
         return 100.0 * float(shows.float().mean()) if len(shows) else 0.0
+
+
+def covered_skin(body: Body, garments: Sequence[Mesh]) -> Tensor:
+    """Mask (F,) of the body's faces whose middle garments cover at rest, as `Exposure` says."""
+    mesh = body.mesh
+    middles = SurfaceSample(mesh.faces, mesh.vertices.new_full((len(mesh.faces), 3), 1 / 3))
+    return _covered(*_shells(body, garments), middles, mesh.vertices)
+
+
+def _shells(body: Body, garments: Sequence[Mesh]) -> tuple[Shell, Shell]:
+    """The garments as one mesh, and the body, at rest."""
+    outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in garments)
+    return Shell(outfit.vertices, outfit.faces), Shell(body.mesh.vertices, body.mesh.faces)
+
+
+def _covered(cloth: Shell, skin: Shell, sample: SurfaceSample, body_vertices: Tensor) -> Tensor:
+    """Mask (P,) of the points of a sample of the body at rest (V, 3) m that are covered there."""
+    points, normals = sample.oriented(body_vertices)
+    distance, facing = cloth.first_hit(points, normals, COVER_DISTANCE)
+    limb, _ = skin.first_hit(points + RAY_START_HEIGHT * normals, normals, COVER_DISTANCE)
+    return (distance < COVER_DISTANCE) & (facing > 0) & (distance < limb)
