@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from uvcloth.commands.options import FOLDER, GARMENT, Threads
+from uvcloth.commands.options import FOLDER, GARMENT, Jobs, Threads
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import sole_writer
 from uvcloth.files.options import AtLeast, Between, NewFolder, Several, parsed
@@ -65,8 +65,10 @@ class Evaluate:
     """Draw pictures of every action, of latent spaces of garments, and of training and test motion."""
     blind: bool = False
     """Judge nothing, but write OUT/blind.html: pairs of clips without names, for people to compare."""
+    jobs: Jobs = None
+    """Number of methods to judge at the same time. Times per frame are then measured beside each other."""
     threads: Threads = 1
-    """Number of CPU threads; on a loaded machine several are slower than one."""
+    """Number of CPU threads of each; on a loaded machine several are slower than one."""
 
     def run(self) -> None:
         """Judge, and write metrics.json and the report. Raises InputError for input that cannot be judged."""
@@ -80,27 +82,32 @@ class Evaluate:
     def _judge(self) -> None:
         from uvcloth.commands.threads import limited_threads
 
+        from .beside import Request, judge_beside, load_comparison, processes
         from .blind import write_blind
-        from .candidates import load_candidates
         from .compare import compare
         from .garment_space import interpolations
         from .motion_map import motion_maps
-        from .predicted import load_predictions
         from .progress import progress
+        from .records import Records
         from .report import write_metrics, write_report
-        from .selection import Selection, find_cases
+        from .selection import Selection
         from .show import pictured, pictures, viewer_clips
 
         selection = Selection(self.data, self.actions, self.garment, self.frames, self.split, self.map_size)
-        used = f"{machine()}, threads used: {self.threads}"
+        request = Request(selection, self.model, self.predicted, self.threads)
         with limited_threads(self.threads):
-            cases = find_cases(selection)
-            candidates = load_candidates(self.model, cases.body)
-            predictions = load_predictions(self.predicted, [candidate.name for candidate in candidates])
+            comparison = load_comparison(request)
+            cases, candidates = comparison.cases, comparison.candidates
             if self.blind:
-                print(write_blind(candidates, predictions, cases, self.out))
+                print(write_blind(candidates, comparison.predictions, cases, self.out))
                 return
-            results, shown = compare(candidates, cases, self.out, machine=used, predictions=predictions)
+            count = processes(comparison, self.jobs)
+            used = f"{machine()}, threads used: {self.threads}"
+            used += f", {count} methods judged at a time" if count > 1 else ""
+            records = Records(self.out / "partial", used, cases.map_size)
+            if count > 1:
+                judge_beside(request, comparison, records, count)
+            results, shown = compare(candidates, cases, records, comparison.predictions)
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []
         if self.pictures:

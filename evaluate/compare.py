@@ -4,8 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
-from functools import partial
-from pathlib import Path
 from statistics import mean
 from typing import Any
 
@@ -15,16 +13,10 @@ from .actions import Window
 from .candidates import SIMULATION, Candidate, assigned
 from .case import Case, outfit_name
 from .familiar import Entrant, training_overlap
-from .judge import (
-    CaseScores,
-    Scores,
-    cached,
-    code_fingerprint,
-    judge,
-    judge_simulation,
-)
-from .predicted import Prediction, covered, judge_prediction
+from .judge import CaseScores, Scores
+from .predicted import Prediction, covered
 from .progress import progress
+from .records import Records
 from .results import PartScores, repeatability_floor, representation_floor, stability, summarize
 from .selection import Cases, Opener
 from .show import Shown
@@ -49,26 +41,20 @@ class JudgedCase:
 def compare(
     candidates: Sequence[Candidate],
     cases: Cases,
-    out: Path,
-    *,
-    machine: str,
+    records: Records,
     predictions: Sequence[Prediction] = (),
 ) -> tuple[dict[str, Any], list[Shown]]:
     """Judge methods on the outfits, most of them of one garment, that were simulated over unseen clips.
 
-    machine: for the record. predictions: sequences of other programs, judged beside the methods. Returns the
-    content of metrics.json and the meshes to show. Finished cases are kept under OUT/partial and reused by a
-    rerun. A method is judged on the outfits that it supports. Raises InputError for a model, data or a
-    prediction that does not fit, and for a method that supports none of the outfits.
+    predictions: sequences of other programs, judged beside the methods. Returns the content of metrics.json
+    and the meshes to show. A method is judged on the outfits that it supports. Raises InputError for a model,
+    data or a prediction that does not fit, and for a method that supports none of the outfits.
     """
     entrants = entrants_of(candidates, predictions, cases)
-    code = code_fingerprint()
     judged = []
     with progress("Cases", sum(1 + len(each) for _, each in entrants)) as tick:
         for opener, judged_on_it in entrants:
-            case = opener.load()
-            setting = f"{code}/{case.outfit.body.identity.whole}/{cases.map_size}/{machine}"
-            judged.append(judged_case(case, judged_on_it, partial(cached, out, case), setting, tick))
+            judged.append(judged_case(opener.load(), judged_on_it, records, tick))
     return {
         **measured(judged, [*candidates, *predictions], cases.people),
         "garments": garment_sizes(cases.outfits.values()),
@@ -77,8 +63,8 @@ def compare(
         "map_size": cases.map_size,
         "body": cases.body_name,
         "date": date.today().isoformat(),
-        "machine": machine,
-        "code": code[:12],
+        "machine": records.machine,
+        "code": records.code[:12],
     }, [each.shown for each in judged]
 
 
@@ -93,28 +79,19 @@ def entrants_of(
 
 
 def judged_case(
-    case: Case,
-    entrants: Sequence[Entrant],
-    keep: Callable[[str, str, Callable[[], CaseScores]], CaseScores],
-    setting: str,
-    tick: Callable[..., None],
+    case: Case, entrants: Sequence[Entrant], records: Records, tick: Callable[..., None]
 ) -> JudgedCase:
-    """Judge methods on a case. keep: returns the kept scores of a name and setting, or computes them."""
+    """Judge methods on a case, or take what is kept of them."""
     note = f"{case.action}, {outfit_name([window.garment for window in case.windows])}"
     tick(0, note=note)
-    scores = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
+    scores = {SIMULATION: records.scores(case, None)}
     garments = {garment.name: garment for garment in case.outfit.garments}
     alone = {name: case.clip.alone(name) for name in garments}
     copied = {name: copied_truth(garment, alone[name], case.end) for name, garment in garments.items()}
     tick()
     for each in entrants:
         tick(0, note=f"{note}: {each.name}")
-        work = (
-            partial(judge_prediction, case, each)
-            if isinstance(each, Prediction)
-            else partial(judge, case, each)
-        )
-        scores[each.name] = keep(each.name, f"{setting}/{each.fingerprint}", work)
+        scores[each.name] = records.scores(case, each)
         tick()
     return JudgedCase(
         scores=scores,

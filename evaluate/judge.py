@@ -1,19 +1,13 @@
-"""Judging: roll methods out over cases and score every frame; finished cases are kept for a rerun."""
+"""Judging: roll methods out over cases and score every frame."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
-from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
-from uvcloth.dataset.clip import content_hash
-from uvcloth.garments.garment import Garment
-from uvcloth.geometry.fingerprint import fingerprint
-from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.methods.capabilities import round_trip
 from uvcloth.rollout import PreparedRollout, prepare_rollout
 
@@ -33,8 +27,6 @@ from .metrics import (
 )
 from .stability import stability_scores, uses_feedback
 
-SCORES_FORMAT = "uvcloth-judged-10"
-
 MEMBER_SUFFIX = "_member"
 """Suffix of the scores of another simulation."""
 
@@ -43,31 +35,6 @@ REPRESENTED = "representation_"
 
 ENCODED_AT_ONCE = 16
 """Frames that are written in a method's representation at the same time: bounds the memory of large maps."""
-
-JUDGING = (
-    "rasterize",
-    "uvcloth",
-    "evaluate/metrics.py",
-    "evaluate/surface.py",
-    "evaluate/swing_bands.py",
-    "evaluate/wrinkles.py",
-    "evaluate/hem.py",
-    "evaluate/after_stop.py",
-    "evaluate/force_balance.py",
-    "evaluate/continuity.py",
-    "evaluate/looks.py",
-    "evaluate/maps.py",
-    "evaluate/body_scores.py",
-    "evaluate/pixels.py",
-    "evaluate/stability.py",
-    "evaluate/case.py",
-    "evaluate/selection.py",
-    "evaluate/judge.py",
-    "evaluate/predicted.py",
-    "evaluate/predicted_file.py",
-    "evaluate/recorded.py",
-)
-"""The sources and data that decide a score."""
 
 Scores = Mapping[str, Tensor]
 """By measure, F values (swing F - 1, jitter F - 2), fewer of measures that are sampled."""
@@ -230,61 +197,3 @@ def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
         }
         for part in case.parts
     }
-
-
-def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], CaseScores]) -> CaseScores:
-    """The result of an earlier run of the same code on the same input, or that of `work`, then kept."""
-    garments = [garment_fingerprint(garment) for garment in case.outfit.garments]
-    contents = [
-        content_hash(garment, clip.transforms)
-        for clip in (case.clip, *case.members)
-        for garment in clip.garments
-    ]
-    text = "/".join([SCORES_FORMAT, setting, *garments, *contents, str(len(case.transforms))])
-    key = fingerprint(text)[:16]
-    path = Path(out) / "partial" / f"{case.name}_{name}_{key}.npz"
-    truth = case.truth[:: case.stride]
-    if path.is_file():
-        data = kept_arrays(path, SCORES_FORMAT, "a judged window")
-        parts = {
-            part.name: {
-                name.removeprefix(_prefix(index)): torch.from_numpy(values)
-                for name, values in data.items()
-                if name.startswith(_prefix(index))
-            }
-            for index, part in enumerate(case.parts)
-        }
-        return CaseScores(parts, truth + torch.from_numpy(data["offset"].astype(np.float32)))
-    judged = work()
-    # Offsets from the simulation are small, so half precision keeps them well within a millimetre.
-    offset = (judged.shown - truth).half()
-    arrays = {"offset": offset.numpy()}
-    for index, scores in enumerate(judged.parts.values()):
-        arrays |= {f"{_prefix(index)}{key}": values.numpy() for key, values in scores.items()}
-    keep_arrays(path, SCORES_FORMAT, arrays)
-    # A rerun, which reads the file, is to give the same report.
-    return CaseScores(judged.parts, truth + offset.float())
-
-
-def _prefix(part: int) -> str:
-    """The prefix of the names of a part's scores in a file."""
-    return f"part{part}/"
-
-
-def code_fingerprint() -> str:
-    """Hash of the sources and data that decide a score: kept results of other code are not reused."""
-    root = Path(__file__).resolve().parent.parent
-    contents: list[str | bytes] = []
-    for name in JUDGING:
-        place = root / name
-        inside = [*place.rglob("*.py"), *place.rglob("*.npz")]
-        for path in sorted(inside) if place.is_dir() else [place]:
-            contents += [str(path.relative_to(root)), path.read_bytes()]
-    return fingerprint(*contents)
-
-
-def garment_fingerprint(garment: Garment) -> str:
-    """Hash of the garment that a method sees: its file may change while the sequence stays the same."""
-    mesh = garment.mesh
-    tensors = (mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs, garment.weights, garment.smooth_weights)
-    return fingerprint(f"{garment.source}/{garment.template}", *tensors)

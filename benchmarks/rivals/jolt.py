@@ -29,6 +29,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
+from benchmarks.rivals.sequences import sequences
 from uvcloth.bodies.body import REGIONS, Body, load_body
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.clip_file import load_simulated
@@ -38,7 +39,6 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.mesh import edge_lengths, face_normals, unique_edges, welded
 from uvcloth.geometry.skinning import skin
-from uvcloth.motion.index import INDEX, read_index
 from uvcloth.physics.surface import BodySurface
 from uvcloth.process.command import run_command
 
@@ -108,7 +108,7 @@ class Jolt:
         for name in self.garments:
             garment = load_garment(name, body)
             cloth = make_rival(garment, body, self.quality)
-            paths = list(self._sequences(name))
+            paths = self._sequences(name)
             if self.tune:
                 self._tune(cloth, name, [load_simulated(path) for path in paths])
                 continue
@@ -126,13 +126,11 @@ class Jolt:
                     flush=True,
                 )
 
-    def _sequences(self, garment: str) -> Iterator[Path]:
+    def _sequences(self, garment: str) -> list[Path]:
         """The sequences of a garment in the split."""
-        entries = read_index(self.data / INDEX).values()
-        paths = [self.data / f"{each.clip}_{garment}.npz" for each in entries if each.split == self.split]
-        there = [path for path in paths if path.is_file()]
+        there = sequences(self.data, garment, self.split)
         # Evenly over the index, whose neighbours are alike.
-        return iter(there[:: max(1, len(there) // self.clips)][: self.clips] if self.clips else there)
+        return there[:: max(1, len(there) // self.clips)][: self.clips] if self.clips else there
 
     def _tune(self, cloth: "Rival", name: str, clips: list[SimulatedClip]) -> None:
         """Print settings and their mean distances, the best first."""

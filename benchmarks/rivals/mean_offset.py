@@ -7,7 +7,6 @@ DATA, in the axes that skinning turns. OUT/CLIP_GARMENT.npz is written for each 
 """
 
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -17,6 +16,7 @@ import torch
 import tyro
 from torch import Tensor
 
+from benchmarks.rivals.sequences import sequences
 from uvcloth.bodies.body import load_body
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
@@ -25,7 +25,6 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import skin_frames
-from uvcloth.motion.index import INDEX, read_index
 from uvcloth.process.command import run_command
 
 STRIDE = 5
@@ -54,12 +53,12 @@ class MeanOffset:
         make_folder(self.out)
         for name in self.garments:
             garment = load_garment(name, body)
-            learned = list(_sequences(self.data, name, "train"))
+            learned = sequences(self.data, name, "train")
             if not learned:
                 raise InputError(f"{self.data}: holds no training sequence of {name}")
             mean = mean_offset(garment, learned)
             print(f"{name}: learned from {len(learned)} clips, {1000 * mean.norm(dim=1).mean():.1f} mm")
-            for path in _sequences(self.windows or self.data, name, self.split):
+            for path in sequences(self.windows or self.data, name, self.split):
                 clip = load_simulated(path)
                 origins, axes = skin_frames(garment.mesh.vertices, garment.smooth_weights, clip.transforms)
                 vertices = (origins + rotate(axes, mean.expand_as(origins))).numpy()
@@ -76,13 +75,6 @@ def mean_offset(garment: Garment, paths: list[Path]) -> Tensor:
         offsets = rotate_back(axes, clip.vertices[frames] - origins)
         total, count = total + offsets.sum(0), count + len(offsets)
     return total / count
-
-
-def _sequences(data: Path, garment: str, split: str) -> Iterator[Path]:
-    """The sequences of a garment in a split of a data folder, on its usual body."""
-    entries = read_index(data / INDEX).values()
-    paths = (data / f"{each.clip}_{garment}.npz" for each in entries if each.split == split)
-    return (path for path in paths if path.is_file())
 
 
 if __name__ == "__main__":

@@ -12,15 +12,15 @@ import torch
 import trimesh
 from torch import Tensor
 
-import evaluate.compare as comparison
-import evaluate.judge as judging
 import evaluate.selection as selecting
+from evaluate import records
 from evaluate.__main__ import main
 from evaluate.actions import find_windows
 from evaluate.candidates import Candidate, load_candidates
 from evaluate.case import Case
 from evaluate.compare import compare
 from evaluate.judge import CaseScores, judge
+from evaluate.records import Records
 from evaluate.report import write_report
 from evaluate.selection import Selection, cases_on
 from evaluate.show import Shown, pictures
@@ -149,8 +149,7 @@ def run(
     return compare(
         load_candidates(("lbs", "lbs_smooth"), body),
         cases_on(body, Selection(data, actions, files, frames, map_size=16)),
-        out,
-        machine=machine,
+        Records(out, machine, 16),
     )[0]
 
 
@@ -203,8 +202,7 @@ def test_floors(world: Path, tmp_path: Path) -> None:
     results, _ = compare(
         [Candidate(n, Rounded(off, n), 0.0, n, frozenset()) for n, off in (("near", 0.001), ("far", 0.002))],
         cases_on(capsule_body(), Selection(world, map_size=16)),
-        tmp_path / "out",
-        machine="a test",
+        Records(tmp_path / "out", "a test", 16),
     )
     root = 3**0.5
     assert results["floor"]["representation_mm"] == pytest.approx({"tops": root, "dress": root}, abs=1e-3)
@@ -222,7 +220,7 @@ def test_rerun_takes_over_what_is_finished(
     def never(*_: object) -> Callable[..., None]:
         raise AssertionError("judged again")
 
-    monkeypatch.setattr(comparison, "judge", never)
+    monkeypatch.setattr(records, "judge", never)
     assert run(world, tmp_path / "out") == first
     with pytest.raises(AssertionError, match="judged again"):
         run(world, tmp_path / "out", frames=5)
@@ -232,7 +230,7 @@ def test_rerun_takes_over_what_is_finished(
     wider.mesh.vertices[:, 0] *= 1.1
     with pytest.raises(AssertionError, match="judged again"):
         run(world, tmp_path / "out", body=wider)
-    monkeypatch.setattr(judging, "SCORES_FORMAT", "another")
+    monkeypatch.setattr(records, "SCORES_FORMAT", "another")
     with pytest.raises(AssertionError, match="judged again"):
         run(world, tmp_path / "out")
 
@@ -284,8 +282,7 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
     results, _ = compare(
         load_candidates(("lbs_smooth", str(folder)), body),
         cases_on(body, Selection(data, frames=2, map_size=64)),
-        tmp_path / "out",
-        machine="a test",
+        Records(tmp_path / "out", "a test", 16),
     )
     walker, baseline = results["methods"]["lbs_walker"], results["methods"]["lbs_smooth"]
     assert (walker["baseline"], baseline["baseline"]) == (False, True)
@@ -326,8 +323,7 @@ def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
     return compare(
         (*load_candidates(("lbs",), capsule_body()), Candidate(method.name, method, 0.0, "", frozenset())),
         cases_on(capsule_body(), Selection(data, map_size=16)),
-        out,
-        machine="a test",
+        Records(out, "a test", 16),
     )
 
 
@@ -486,7 +482,7 @@ def test_a_changed_file_is_judged_again(
             names.append(case.name)
             return judge(case, candidate)
 
-        monkeypatch.setattr(comparison, "judge", counted)
+        monkeypatch.setattr(records, "judge", counted)
         run(world, tmp_path / "out", files=(skirt,), frames=3)
         return names
 

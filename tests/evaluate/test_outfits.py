@@ -10,11 +10,12 @@ import pytest
 import torch
 from torch import Tensor
 
-import evaluate.compare as comparison
 import evaluate.selection as selecting
+from evaluate import records
 from evaluate.__main__ import summary
 from evaluate.candidates import Candidate, load_candidates
 from evaluate.compare import compare
+from evaluate.records import Records
 from evaluate.report import write_report
 from evaluate.selection import Selection, cases_on
 from evaluate.show import Shown, pictures, viewer_clips
@@ -64,8 +65,7 @@ def judged(
     return compare(
         [*load_candidates(models, body), *given],
         cases_on(body, Selection(data, map_size=16)),
-        data.parent / "out",
-        machine="a test",
+        Records(data.parent / "out", "a test", 16),
     )
 
 
@@ -164,5 +164,5 @@ def test_garments_of_an_outfit_belong_together(data: Path) -> None:
 
 def test_a_finished_outfit_is_taken_over(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first, _ = judged(data, [Shrunk()])
-    monkeypatch.setattr(comparison, "judge", lambda *_: pytest.fail("judged again"))
+    monkeypatch.setattr(records, "judge", lambda *_: pytest.fail("judged again"))
     assert judged(data, [Shrunk()])[0] == first

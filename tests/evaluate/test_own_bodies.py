@@ -7,6 +7,7 @@ import pytest
 from evaluate.__main__ import summary
 from evaluate.candidates import load_candidates
 from evaluate.compare import compare
+from evaluate.records import Records
 from evaluate.report import write_report
 from evaluate.selection import Selection, find_cases
 from evaluate.show import viewer_clips
@@ -32,7 +33,8 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_figures_are_by_type_and_of_the_split(data: Path, tmp_path: Path) -> None:
     cases = find_cases(Selection(data))
     assert not cases.one_body
-    results, shown = compare(load_candidates(["lbs_smooth"], cases.body), cases, tmp_path, machine="a test")
+    candidates = load_candidates(["lbs_smooth"], cases.body)
+    results, shown = compare(candidates, cases, Records(tmp_path, "a test", 0))
     smooth = results["methods"]["lbs_smooth"]
     assert list(smooth["actions"]) == ["clip0"]
     cells = smooth["actions"]["clip0"]
@@ -57,7 +59,7 @@ def test_what_cannot_be_judged_is_named(data: Path, tmp_path: Path) -> None:
     cases = find_cases(Selection(data))
     candidates = load_candidates(["pbns"], cases.body)
     with pytest.raises(InputError, match=r"nothing to evaluate pbns on: .*model pbns is for tops"):
-        compare(candidates, cases, tmp_path, machine="a test")
+        compare(candidates, cases, Records(tmp_path, "a test", 0))
     with pytest.raises(InputError, match="no test action is called 'run', expected clip0"):
         find_cases(Selection(data, actions=("run",)))
     with pytest.raises(InputError, match="--garment is not allowed"):

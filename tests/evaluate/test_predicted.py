@@ -16,6 +16,7 @@ from evaluate.__main__ import main
 from evaluate.compare import compare
 from evaluate.predicted import covered, load_predictions
 from evaluate.predicted_file import read_prediction
+from evaluate.records import Records
 from evaluate.selection import Selection, cases_on
 from tests.evaluate.test_compare import COUNTED, FPS, SETTLING, capsule_body, simulated, tube_garment
 from uvcloth.bodies.body import Body
@@ -166,7 +167,7 @@ def test_garments_that_are_worn_together_are_judged_together(
     export_benchmark(layered, tmp_path / "benchmark")
     predictions = load_predictions([f"usd={tmp_path / 'benchmark' / 'usd'}"], [])
     cases = cases_on(capsule_body(), Selection(layered, map_size=16))
-    results, _ = compare((), cases, tmp_path / "out", machine="a test", predictions=predictions)
+    results, _ = compare((), cases, Records(tmp_path / "out", "a test", 0), predictions)
     cell = results["methods"]["usd"]["outfits"]["tops over dress"]["actions"]["02_04"]
     assert cell["vertex_mean_mm_raw"] == pytest.approx(0.0, abs=1e-3)
     assert cell["wrong_side_percent"]["tops"]["dress"] == 0.0
@@ -255,7 +256,7 @@ def test_folders_are_checked_before_anything_is_judged(data: Path, tmp_path: Pat
 
     def judged() -> None:
         predictions = load_predictions([f"theirs={some}"], ["lbs"])
-        compare((), cases, tmp_path / "out", machine="a test", predictions=predictions)
+        compare((), cases, Records(tmp_path / "out", "a test", 0), predictions)
 
     with pytest.raises(InputError, match=r"some: lacks the sequence 02_04_"):
         judged()

@@ -2,13 +2,9 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +18,7 @@ from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.files.atomic import sole_writer
 from uvcloth.motion.poses import SPLITS
-from uvcloth.process.children import end_with_parent, kill_children
+from uvcloth.process.pool import pool
 from uvcloth.wardrobe.draw import OUTFITS
 from uvcloth.wardrobe.make import make_outfit
 from uvcloth.wardrobe.outfit_file import (
@@ -84,7 +80,8 @@ def _make_missing(settings: Outfits) -> None:
     todo = [job for job in jobs if not _is_there(job)]
     console = Console(stderr=True)
     refused: list[str] = []
-    with _workers(settings.jobs, len(todo)) as made, Progress(console=console) as progress:
+    count = min(settings.jobs or os.cpu_count() or 1, len(todo))
+    with pool(_make, count, "made outfits") as made, Progress(console=console) as progress:
         bar = progress.add_task(f"{len(todo)} outfits", total=len(todo))
         for done, each in enumerate(made(todo), start=1):
             refused += each.refused
@@ -161,32 +158,6 @@ def _is_there(job: _Job) -> bool:
     if worn not in (job.settings.type or OUTFITS):
         raise InputError(f"{path}: has the type {worn}, which --type leaves out; use another folder")
     return True
-
-
-@contextmanager
-def _workers(jobs: int | None, work: int) -> Iterator[Callable[[Sequence[_Job]], Iterator[_Made]]]:
-    """Function that makes outfits, in processes or here where one is enough, and yields what `_make` does.
-
-    Raises InputError if a process is lost.
-    """
-    count = min(jobs or os.cpu_count() or 1, work)
-    if count <= 1:
-        yield lambda todo: map(_make, todo)
-        return
-    # Threads of torch and warp do not survive a fork.
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
-        try:
-            yield lambda todo: (done.result() for done in as_completed([pool.submit(_make, j) for j in todo]))
-        except BaseException as error:
-            # What they have half written is cleared with the folder.
-            kill_children()
-            pool.shutdown(wait=True, cancel_futures=True)
-            if isinstance(error, BrokenProcessPool):
-                raise InputError(
-                    "a process that made outfits has ended; finished outfits are kept, run the command again "
-                    "to continue"
-                ) from error
-            raise
 
 
 @cache

@@ -66,14 +66,14 @@ class Remeshed:
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield the frames as `Engine` says. Raises InputError as the engine and `other_mesh` do."""
         mesh = other_mesh(scene.rest, scene.faces)
-        other = _scene_of(scene, mesh)
+        other = scene_on(scene, mesh)
         for frame in self.engine.simulate(other, _recalled(after, len(other.rest))):
             offsets = frame.vertices - other.skinned[frame.index]
             vertices = scene.skinned[frame.index] + mesh.at_garment(offsets)
             yield Frame(frame.index, vertices, _with_vertices(frame))
 
 
-def _scene_of(scene: Scene, mesh: Cage) -> Scene:
+def scene_on(scene: Scene, mesh: Cage) -> Scene:
     """The scene with another mesh of its cloth."""
     near = mesh.corners.gather(1, mesh.weights.argmax(1, keepdim=True))[:, 0]
     return replace(

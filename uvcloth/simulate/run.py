@@ -51,7 +51,7 @@ def simulate(
     """
     transforms = lead_in(clip, body, parts).transforms()
     references = [skin(c.garment.mesh.vertices, c.garment.smooth_weights, transforms) for c in cloths]
-    scene = _scene(cloths, references, transforms, body, clip.fps)
+    scene = make_scene(cloths, references, transforms, body, clip.fps)
     made = move(engine, scene, place, progress)
     frames = len(made.vertices)
     shares = made.vertices.split([len(cloth.kept) for cloth in cloths], dim=1)
@@ -99,7 +99,7 @@ def _sides(inner: Sequence[Cloth], inner_vertices: Sequence[Tensor], outer: Tens
     return {"wrong_side_percent": {name: round(share, 4) for name, share in sides.items()}}
 
 
-def _scene(
+def make_scene(
     cloths: Sequence[Cloth], references: Sequence[Tensor], transforms: Tensor, body: Body, fps: float
 ) -> Scene:
     """Make one scene of the cloths, one after another, with the opened parts that one may touch."""

@@ -1,0 +1,103 @@
+"""Blender's cloth at the settings of a game over the windows of a data folder, for `--predicted blender=OUT`.
+
+    UVCLOTH_BLENDER_PYTHON=PYTHON PYTHONPATH=. python benchmarks/rivals/blender.py DATA OUT
+
+It gets the motion and the garment, not the simulation: on the cage that physics has, with few steps a frame
+and without contact of cloth with itself; the garment follows the cage. The fabric is that of `uvcloth
+simulate`. The milliseconds are processor time of Blender without its start, which is timed for one frame.
+"""
+
+import resource
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+import tyro
+
+from benchmarks.rivals.sequences import sequences
+from uvcloth.bodies.body import load_body
+from uvcloth.dataset.clip_file import load_simulated
+from uvcloth.files.atomic import make_folder
+from uvcloth.garments.cage import QUALITIES, make_cage
+from uvcloth.garments.joined import join
+from uvcloth.garments.loading import load_garment
+from uvcloth.geometry.skinning import skin
+from uvcloth.process.command import run_command
+from uvcloth.simulate.blender import Blender, find_blender
+from uvcloth.simulate.engine import Scene
+from uvcloth.simulate.remeshed import scene_on
+from uvcloth.simulate.run import make_scene
+
+
+@dataclass(frozen=True)
+class BlenderCloth:
+    """Simulate windows with Blender's cloth."""
+
+    data: tyro.conf.Positional[Path]
+    """Folder of sequences, whose motion and garments are used."""
+    out: tyro.conf.Positional[Path]
+    """Folder for CLIP_GARMENT.npz."""
+    garments: tuple[str, ...] = ("tops", "bottoms", "dress")
+    """Garments to simulate."""
+    split: Literal["train", "validation", "test"] = "validation"
+    """Clips to simulate, by the index of the data folder."""
+    quality: Literal["fast", "default", "fine"] = "default"
+    """Cage."""
+    steps: int = 4
+    """Steps a frame, a power of two; Blender's own default is 5."""
+    hold: float | None = None
+    """Frequency of the attachment of the band, 1/s; without one it moves as the skinned garment."""
+
+    def run(self) -> None:
+        """Simulate. Raises InputError for a damaged sequence, and if Blender is missing or ends."""
+        torch.set_grad_enabled(False)
+        body = load_body()
+        blender = replace(
+            find_blender(), quality=self.steps, collision_quality=1, self_collision=False, hold=self.hold
+        )
+        make_folder(self.out)
+        for name in self.garments:
+            cloth = join(load_garment(name, body), body)
+            mesh = cloth.garment.mesh
+            cage = make_cage(mesh.vertices[cloth.kept], cloth.faces, QUALITIES[self.quality])
+            for path in sequences(self.data, name, self.split):
+                clip = load_simulated(path)
+                skinned = skin(mesh.vertices, cloth.garment.smooth_weights, clip.transforms)
+                scene = make_scene((cloth,), [skinned], clip.transforms, body, clip.fps)
+                on_cage = scene_on(scene, cage)
+                _, start = simulated(blender, first_frames(on_cage, 1))
+                moved, seconds = simulated(blender, on_cage)
+                vertices = scene.skinned + cage.at_garment(moved - on_cage.skinned)
+                ms = 1000.0 * (seconds - start) / (len(moved) - 1)
+                np.savez_compressed(
+                    self.out / path.name,
+                    vertices=cloth.whole(vertices, skinned).numpy(),
+                    fps=clip.fps,
+                    ms_per_frame=ms,
+                )
+                print(f"{path.stem}: {len(cage.vertices)} vertices, {ms:.1f} ms a frame", flush=True)
+
+
+def simulated(blender: Blender, scene: Scene) -> tuple[torch.Tensor, float]:
+    """The frames (F, n, 3) m of a scene, and the seconds of processor time that Blender's process took."""
+    began = children_seconds()
+    frames = torch.stack([frame.vertices for frame in blender.simulate(scene)])
+    return frames, children_seconds() - began
+
+
+def children_seconds() -> float:
+    """Seconds of processor time of all child processes that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def first_frames(scene: Scene, count: int) -> Scene:
+    """The beginning of a scene."""
+    return replace(scene, skinned=scene.skinned[:count], collider=scene.collider[:count])
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("blender.py", lambda: tyro.cli(BlenderCloth).run()))
