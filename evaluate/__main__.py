@@ -63,6 +63,8 @@ class Evaluate:
     """Size of the maps for the map MSE."""
     pictures: bool = True
     """Draw pictures of every action, of latent spaces of garments, and of training and test motion."""
+    memory: bool = False
+    """Measure the memory of each method too, in a process of its own (Linux; a few seconds each)."""
     blind: bool = False
     """Judge nothing, but write OUT/blind.html: pairs of clips without names, for people to compare."""
     jobs: Jobs = None
@@ -86,6 +88,7 @@ class Evaluate:
         from .blind import write_blind
         from .compare import compare
         from .garment_space import interpolations
+        from .memory import rollout_memory
         from .motion_map import motion_maps
         from .progress import progress
         from .records import Records
@@ -108,6 +111,9 @@ class Evaluate:
             if count > 1:
                 judge_beside(request, comparison, records, count)
             results, shown = compare(candidates, cases, records, comparison.predictions)
+            memory = rollout_memory(candidates, cases) if self.memory else {}
+        for name, by_outfit in memory.items():
+            results["methods"][name]["memory_mb"] = by_outfit
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []
         if self.pictures:

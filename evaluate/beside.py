@@ -71,8 +71,12 @@ def judge_beside(request: Request, comparison: Comparison, records: Records, cou
         for entrant in (None, *entrants)
         if not records.path(case, entrant).is_file()
     ]
-    count = min(count, len(todo))
-    with progress("Judging", len(todo)) as tick, pool(_judge, count, "judged methods") as judged:
+    if not todo:
+        return
+    with (
+        progress("Judging", len(todo)) as tick,
+        pool(_judge, min(count, len(todo)), "judged methods") as judged,
+    ):
         for note in judged(todo):
             tick(note=note)
 

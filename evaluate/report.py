@@ -21,6 +21,7 @@ from .familiar import cautions
 from .force_balance import BALANCED_FRAMES, MOST_FORCE
 from .intervals import LEAST_CLIPS, Interval, pooled
 from .look_table import impossible_frames, look_table
+from .memory import MEMORY_FRAMES
 from .metrics import SAMPLED_FRAMES
 from .pixels import DEPTH, PIXEL, VIEWED_FRAMES
 from .results import LONG
@@ -152,6 +153,8 @@ def write_report(
         pack_clip(clip, list(results["methods"]), next(i for i, b in enumerate(bodies) if b is clip.body))
         for clip in viewer_sequences
     ]
+    rows = standings(results)
+    chance, figures = _chance(rows)
     page = environment.get_template("report.html").render(
         results=results,
         methods=list(results["methods"]),
@@ -163,7 +166,11 @@ def write_report(
         measures=MEASURES,
         physics={when: _filled(results, PHYSICS, suffix) for when, suffix in STAGES.items()},
         swing={when: _filled(results, SWING, suffix) for when, suffix in STAGES.items()},
-        chance=_chance(standings(results)),
+        chance=chance,
+        ranks={
+            garment: [each for each in zip(rows, figures, strict=True) if each[0].garment == garment]
+            for garment in (*garments_in(results), *results["outfits"])
+        },
         feeds_back=_feeds_back(results),
         swing_figure=partial(_swing_figure, results),
         looks=look_table(results),
@@ -181,9 +188,7 @@ def write_report(
         stages=STAGES,
         paper_costs=PAPER_COSTS,
         missing=[f"{a}, {t} ({why})" for a, by in results["missing"].items() for t, why in by.items()],
-        standings=standings(results),
         least_clips=LEAST_CLIPS,
-        ranked=[*garments_in(results), *results["outfits"]],
         outfit_rows=outfit_rows(results),
         charts=_bar_charts(results),
         costs=cost_charts(results),
@@ -192,6 +197,8 @@ def write_report(
         over_time=_time_charts(results),
         overall=overall,
         batch=BATCH,
+        memory=any("memory_mb" in method for method in results["methods"].values()),
+        memory_frames=MEMORY_FRAMES,
         alone=SHORT_ROLLOUT,
         long=LONG,
         viewer_headers=[header for header, _ in packed],
@@ -230,17 +237,19 @@ def _filled(results: Results, columns: Mapping[str, str], suffix: str) -> dict[s
     }
 
 
-def _chance(rows: Sequence[Standing]) -> dict[str, list[str]]:
-    """The columns on chance in which a method has a figure: one for each row, by title."""
-    columns = {
-        "Spread ratio": [number(row.spread_ratio) for row in rows],
-        "Interval": [_range(row.intervals["spread_ratio"]) for row in rows],
-        "Mean (mm), interval": [_range(row.intervals["vertex_mean_mm"]) for row in rows],
-        "Above the row before": [
-            _range(row.above) if row.above is None or row.apart else "no difference" for row in rows
-        ],
-    }
-    return {title: figures for title, figures in columns.items() if any(each != DASH for each in figures)}
+def _chance(rows: Sequence[Standing]) -> tuple[list[str], list[list[str]]]:
+    """The titles of the columns on chance in which a method has a figure, and those figures of each row."""
+    cells = [
+        {
+            "Spread ratio": number(row.spread_ratio),
+            "Interval": _range(row.intervals["spread_ratio"]),
+            "Mean (mm), interval": _range(row.intervals["vertex_mean_mm"]),
+            "Above the row before": _range(row.above) if row.above is None or row.apart else "no difference",
+        }
+        for row in rows
+    ]
+    titles = [title for title in cells[0] if any(each[title] != DASH for each in cells)] if cells else []
+    return titles, [[each[title] for title in titles] for each in cells]
 
 
 def _feeds_back(results: Results) -> bool:

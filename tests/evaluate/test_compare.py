@@ -1,8 +1,10 @@
 """The whole comparison on a made-up body and garment whose errors are known in advance."""
 
 import json
+import pickle
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ import trimesh
 from torch import Tensor
 
 import evaluate.selection as selecting
-from evaluate import records
+from evaluate import beside, records
 from evaluate.__main__ import main
 from evaluate.actions import find_windows
 from evaluate.candidates import Candidate, load_candidates
@@ -407,6 +409,26 @@ def test_command_writes_metrics_and_page(world: Path, tmp_path: Path, capsys: py
     page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 2
     assert "7.5 mm" in capsys.readouterr().out
+
+
+def test_processes_fill_the_records_that_are_compared(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def here(work: Callable, count: int, doing: str) -> Any:
+        return nullcontext(lambda jobs: (work(pickle.loads(pickle.dumps(job))) for job in jobs))
+
+    monkeypatch.setattr(beside, "pool", here)
+    request = beside.Request(Selection(world, map_size=16), ("lbs",), (), 1)
+    comparison = beside.load_comparison(request)
+    # Four windows, on each the method and the simulation.
+    monkeypatch.setattr(beside, "WORTH_A_PROCESS", 3)
+    assert [beside.processes(comparison, jobs) for jobs in (1, 9)] == [1, 2]
+    kept = Records(tmp_path, "a test", 16)
+    beside.judge_beside(request, comparison, kept, 2)
+    for name in ("judge", "judge_simulation"):
+        monkeypatch.setattr(records, name, lambda *_: pytest.fail("judged again"))
+    results, _ = compare(comparison.candidates, comparison.cases, kept)
+    assert results["methods"]["lbs"]["actions"]["jump"]["tops"]["frames"] == COUNTED
 
 
 def test_validation_windows_are_judged_where_choices_are_made(world: Path, tmp_path: Path) -> None:

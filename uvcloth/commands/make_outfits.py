@@ -3,8 +3,9 @@
 import os
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -81,7 +82,8 @@ def _make_missing(settings: Outfits) -> None:
     console = Console(stderr=True)
     refused: list[str] = []
     count = min(settings.jobs or os.cpu_count() or 1, len(todo))
-    with pool(_make, count, "made outfits") as made, Progress(console=console) as progress:
+    workers = pool(_make, count, "made outfits") if count > 1 else nullcontext(partial(map, _make))
+    with workers as made, Progress(console=console) as progress:
         bar = progress.add_task(f"{len(todo)} outfits", total=len(todo))
         for done, each in enumerate(made(todo), start=1):
             refused += each.refused

@@ -16,18 +16,20 @@ Result = TypeVar("Result")
 
 @contextmanager
 def pool(
-    work: Callable[[Job], Result], count: int, doing: str
+    work: Callable[[Job], Result], count: int, doing: str, fresh: bool = False
 ) -> Iterator[Callable[[Iterable[Job]], Iterator[Result]]]:
     """Function that does `work`, a function of a module, on jobs, and yields each result when it is done.
 
-    With a count of 1 it works in this process, in order. doing: "made outfits", for the message. Raises
-    InputError if a process is lost.
+    doing: "made outfits", for the message. fresh: give each job a new process. Raises InputError if a process
+    is lost.
     """
-    if count <= 1:
-        yield lambda jobs: map(work, jobs)
-        return
     # Threads of torch and warp do not survive a fork.
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=end_with_parent) as executor:
+    with ProcessPoolExecutor(
+        count,
+        mp_context=get_context("spawn"),
+        initializer=end_with_parent,
+        max_tasks_per_child=1 if fresh else None,
+    ) as executor:
         try:
             yield lambda jobs: (
                 done.result() for done in as_completed([executor.submit(work, job) for job in jobs])
