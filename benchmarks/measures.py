@@ -18,6 +18,8 @@ import trimesh
 from torch import Tensor
 
 from evaluate.after_stop import stop_scores
+from evaluate.body_scores import body_scores, dressed_body
+from evaluate.continuity import QUARTER, turned_apart
 from evaluate.force_balance import balanced_frames, force_balance, force_scores
 from evaluate.hem import find_hem, hem_scores
 from evaluate.look_fields import look_fields
@@ -26,7 +28,9 @@ from evaluate.metrics import (
     distance_scores,
     energy_scores,
     ensemble_scores,
+    map_mse,
     peak_accelerations,
+    shape_scores,
     spread_scores,
 )
 from evaluate.pixels import make_sight, pixel_scores
@@ -312,11 +316,85 @@ def pixels() -> list[Panel]:
     return panels
 
 
+def inside() -> Panel:
+    """A square in front of skin, of which a part lies behind the skin."""
+    mesh, body = upright(0.0), slab()
+    moved = pushed(mesh, 0.03)
+    posed = body.mesh.vertices[None]
+    percent = float(body_scores(dressed_body(body, [mesh]), moved[None], posed)["inside_percent"][0])
+    row = slice(40, None, 81)
+    lines = [(JUDGED, moved[row, 0].tolist(), (-moved[row, 1]).tolist()), (SKIN, EDGES, [-0.02, -0.02])]
+    return Panel("Vertices inside the body", lines, [f"1/16 of them behind skin: {percent:.1f} %"])
+
+
+def mapped() -> Panel:
+    """The shift of 3 and 4 mm in a map whose texels see one corner each."""
+    case = moving(torch.zeros(1, 1, 3))
+    corners = torch.arange(len(case.rest))[:, None].expand(-1, 3)
+    weights = torch.tensor([[1.0, 0.0, 0.0]]).expand(len(corners), 3)
+    case = replace(case, texel_corners=corners, texel_barycentrics=weights)
+    mse = float(map_mse(case.vertices + torch.tensor([0.003, 0.0, 0.004]), case)["map_mse_mm2"][0])
+    steps = [float(k // 2) for k in range(1, 17)]
+    true = [10.0 * math.sin(k // 2) for k in range(16)]
+    lines = [(TRUE, steps, true), (JUDGED, steps, [each + 4.0 for each in true])]
+    return Panel("Map MSE", lines, [f"texels 3 mm aside, 4 mm up: {mse:.1f} mm²"])
+
+
+def bent() -> Panel:
+    """A sheet that turns by 0.2 rad from one row of quads to the next."""
+    rest, faces = sheet()
+    angle = rest[:, 0] * 10.0
+    curl = torch.stack([0.1 * torch.sin(angle), rest[:, 1], 0.1 - 0.1 * torch.cos(angle)], 1)
+    case = Reference(curl[None], (), rest[None], rest, faces, FPS, None, None)
+    radians = float(shape_scores(case.vertices, case)["bend_rad"][0])
+    lines = [(TRUE, [0.0, 0.4], [0.0, 0.0]), (JUDGED, curl[::21, 0].tolist(), curl[::21, 2].tolist())]
+    return Panel("Bends", lines, [f"a third of the edges by 0.2 rad: {radians:.3f} rad"])
+
+
+def jittered() -> Panel:
+    """The same swing, twice as fast."""
+    case = moving(waving(2.0))
+    true, fast = (
+        float(shape_scores(each, case)["jitter"].mean())
+        for each in (case.vertices, case.skinned + waving(4.0))
+    )
+    lines = [over_time(TRUE, waving(2.0)), over_time(JUDGED, waving(4.0))]
+    return Panel("Jitter ratio", lines, [f"twice as fast: {fast / true:.1f} times the acceleration"])
+
+
+def turned() -> Panel:
+    """A method that pulls cloth 3 mm to the east, however the scene is turned."""
+    east = torch.tensor([0.003, 0.0, 0.0])
+    frames = sheet()[0][None]
+    apart = float(turned_apart(frames @ QUARTER.T + east, frames + east).mean())
+    x, y = [0.0, 4.0, 4.0, 0.0, 0.0], [0.0, 0.0, 4.0, 4.0, 0.0]
+    lines = [
+        (TRUE, [-4.0 - each for each in y], x),
+        (TRUE, [-4.0 - each for each in y], [each + 1.0 for each in x]),
+        (JUDGED, [-3.0 - each for each in y], x),
+        (TRUE, x, y),
+        (JUDGED, [each + 1.0 for each in x], y),
+    ]
+    return Panel("Turned scene", lines, [f"always 3 mm to the east: {apart:.2f} mm"])
+
+
+def floors() -> Panel:
+    """A wave that is read back from every fifth of its points, and two simulations 4 mm apart."""
+    places = np.arange(0, 401)
+    wave = 10.0 * np.sin(places / 20.0)
+    kept = places[::20]
+    read = np.interp(places, kept, wave[kept])
+    both = torch.tensor(np.stack([wave, read]), dtype=torch.float32)[:, None, :, None] / 1000.0 * UP
+    far = float(distance_scores(both[1], both[0])["vertex_mean_mm"][0])
+    lines = [(TRUE, places.tolist(), wave.tolist()), (JUDGED, kept.tolist(), wave[kept].tolist())]
+    return Panel("Representation floor", lines, [f"waves of 10 mm, 6 points each: {far:.2f} mm"])
+
+
 def panels() -> list[Panel]:
     """All of them."""
     made = (
-        distances, chance, halved, delayed, banded, stopped, wrinkled, hemmed, popping, unbalanced, stretched,
-        crossed,
+        distances, mapped, chance, floors, halved, delayed, banded, stopped, jittered, popping, turned,
+        unbalanced, wrinkled, hemmed, stretched, bent, crossed, inside,
     )  # fmt: skip
     return [*(make() for make in made), *pixels()]
 

@@ -27,7 +27,7 @@ def continuity_scores(
     turned = QUARTER @ case.motion[: case.start + TURNED_FRAMES]
     frames = islice(prepared.frames(turned, case.fps), case.start, None)
     again = torch.stack([torch.cat(frame.vertices).cpu() for frame in frames])
-    apart = (again - resolved[: len(again)] @ QUARTER.T).norm(dim=2) * MM
+    apart = turned_apart(again, resolved[: len(again)])
     return {
         part.name: {
             "turned_mm": apart[:, part.rows].mean(1),
@@ -35,3 +35,8 @@ def continuity_scores(
         }
         for part in case.parts
     }
+
+
+def turned_apart(again: Tensor, frames: Tensor) -> Tensor:
+    """Distances (F, N), mm, of a rollout of the turned scene from the turned rollout, (F, N, 3) m both."""
+    return (again - frames @ QUARTER.T).norm(dim=2) * MM
