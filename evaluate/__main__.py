@@ -68,7 +68,7 @@ class Evaluate:
     blind: bool = False
     """Judge nothing, but write OUT/blind.html: pairs of clips without names, for people to compare."""
     jobs: Jobs = None
-    """Number of methods to judge at the same time. Times per frame are then measured beside each other."""
+    """Number of methods to judge at the same time."""
     threads: Threads = 1
     """Number of CPU threads of each; on a loaded machine several are slower than one."""
 

@@ -1,5 +1,6 @@
 """Judging: roll methods out over cases and score every frame."""
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -102,9 +103,13 @@ def judge(
 
 
 def rolled_out(case: Case, prepared: PreparedRollout) -> tuple[Tensor, Tensor, Scores]:
-    """All vertices (F, N, 3) of a rollout in the scored frames, predicted and finished, and its times."""
+    """All vertices (F, N, 3) of a rollout in the scored frames, predicted and finished, and its times.
+
+    They are the processor's for this process, whatever else the machine does.
+    """
     raw, resolved, milliseconds = [], [], []
-    for frame in islice(prepared.frames(case.motion, case.fps), case.start, None):
+    timed = replace(prepared, clock=time.process_time)
+    for frame in islice(timed.frames(case.motion, case.fps), case.start, None):
         raw.append(torch.cat(frame.raw).cpu())
         resolved.append(torch.cat(frame.vertices).cpu())
         milliseconds.append([frame.milliseconds["network"], frame.milliseconds["clearing"]])

@@ -1,7 +1,7 @@
 """Roll any method out over any motion, frame after frame, in memory that does not grow with their number."""
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -74,7 +74,7 @@ class PreparedRollout:
     """A method with an outfit on a device: the data that all their rollouts share.
 
     prepared: what the method works out for the outfit. clearing: keeps the outfit off the body, None without
-    it.
+    it. clock: seconds, by which the times of frames are measured.
     """
 
     method: Method
@@ -82,6 +82,7 @@ class PreparedRollout:
     prepared: Any
     limits: "EdgeLimits"
     clearing: "OutfitClearing | None"
+    clock: Callable[[], float] = time.perf_counter
 
     def frames(
         self,
@@ -121,9 +122,9 @@ class PreparedRollout:
                 )
             origin = batch.origin
             for indices, part in _parts(frames, start, method.traits.autoregressive, every):
-                begun = time.perf_counter()
+                begun = self.clock()
                 state, garments = method.step(self.prepared, state, part)
-                network_ms = 1000.0 * (time.perf_counter() - begun) / len(part)
+                network_ms = 1000.0 * (self.clock() - begun) / len(part)
                 for offset, index in enumerate(indices):
                     raw = tuple(vertices[offset].contiguous() for vertices in garments)
                     frame = RolloutFrame(
@@ -188,9 +189,9 @@ class PreparedRollout:
         """The frame with its garments moved off its body."""
         if self.clearing is None:
             return frame
-        begun = time.perf_counter()
+        begun = self.clock()
         vertices = self.clearing.cleared(frame.raw, frame.body_vertices)
-        spent = 1000.0 * (time.perf_counter() - begun)
+        spent = 1000.0 * (self.clock() - begun)
         return replace(frame, vertices=vertices, milliseconds={**frame.milliseconds, "clearing": spent})
 
 
