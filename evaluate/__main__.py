@@ -106,7 +106,6 @@ class Evaluate:
                 return
             count = processes(comparison, self.jobs)
             used = f"{machine()}, threads used: {self.threads}"
-            used += f", {count} methods judged at a time" if count > 1 else ""
             records = Records(self.out / "partial", used, cases.map_size)
             if count > 1:
                 judge_beside(request, comparison, records, count)

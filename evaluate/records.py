@@ -94,24 +94,15 @@ class Records:
 
     def path(self, case: Case, entrant: Entrant | None) -> Path:
         """The file of a method on a case; None is the simulation."""
-        name = entrant.name if entrant else SIMULATION
-        settings = [self.code, case.outfit.body.identity.whole, str(self.map_size), self.machine]
+        name, content = (entrant.name, entrant.fingerprint) if entrant else (SIMULATION, "")
+        settings = (self.code, case.outfit.body.identity.whole, self.map_size, self.machine, content)
         garments = [garment_fingerprint(garment) for garment in case.outfit.garments]
         contents = [
             content_hash(garment, clip.transforms)
             for clip in (case.clip, *case.members)
             for garment in clip.garments
         ]
-        text = "/".join(
-            [
-                SCORES_FORMAT,
-                *settings,
-                *([entrant.fingerprint] if entrant else []),
-                *garments,
-                *contents,
-                str(len(case.transforms)),
-            ]
-        )
+        text = "/".join(map(str, (SCORES_FORMAT, *settings, *garments, *contents, len(case.transforms))))
         return self.folder / f"{case.name}_{name}_{fingerprint(text)[:16]}.npz"
 
 
