@@ -14,21 +14,25 @@ from evaluate.cost_figures import MEASURES, cost_charts
 from evaluate.report import TEMPLATES
 from uvcloth.files.atomic import atomic_write
 
+MARGIN = 16.0
+"""Space around each chart."""
+
 
 def main(metrics: Path, garment: str, out: Path) -> None:
-    """Write the charts of a garment beside each other as one SVG, in the colours of the report by day."""
+    """Write the charts of a garment above each other as one SVG, in the colours of the report by day."""
     charts = cost_charts(json.loads(metrics.read_text(encoding="utf-8")))
     mine = [str(chart) for chart in charts if f'aria-label="{garment}: ' in chart]
     sizes = [tuple(map(float, re.findall(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', each)[0])) for each in mine]
     assert len(mine) == len(MEASURES), f"{metrics}: has no charts of {garment}"
-    width, height = sum(size[0] for size in sizes), max(size[1] for size in sizes)
+    width, height = max(size[0] for size in sizes) + 2 * MARGIN, sum(size[1] + MARGIN for size in sizes)
     # Without the colours of the night: a picture in a page does not know the page's own.
     style = re.sub(r"@media[^{]*\{\s*:root[^}]*\}\s*\}", "", (TEMPLATES / "report.css").read_text("utf-8"))
     rules = [line for line in style.splitlines() if line.startswith((":root", "  --", ".chart", ".m", "}"))]
-    placed, left = [], 0.0
+    placed, top = [], MARGIN / 2
     for chart, (wide, tall) in zip(mine, sizes, strict=True):
-        placed.append(chart.replace("<svg ", f'<svg x="{left}" width="{wide}" height="{tall}" ', 1))
-        left += wide
+        place = f'<svg x="{MARGIN}" y="{top}" width="{wide}" height="{tall}" overflow="visible" '
+        placed.append(chart.replace("<svg ", place, 1))
+        top += tall + MARGIN
     with atomic_write(out) as partial:
         partial.write_text(
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}">'

@@ -1,6 +1,6 @@
 """Automatic choice of a model: the cloth solver where it can hold the garments up, otherwise a network.
 
-No network as a guide of the solver has clearly less error than the solver alone (docs/physics.md).
+No network as a guide of the solver has clearly less error than the solver alone (docs/models.md).
 """
 
 from collections.abc import Sequence
