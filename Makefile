@@ -4,6 +4,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/installed
 
+# What is imported is compiled once and kept: without, every process would compile PyTorch again, for 5 s.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test engines fuzz wheel-test lint install clean
 
 demo: install

@@ -116,8 +116,14 @@ def test_processes_that_start_together_compile_once(cache: Path) -> None:
     assert [output(process) for process in together] == ["[0.0, 4.0, 8.0, 12.0, 16.0]\n"] * 3
     files = list(cache.rglob("*.nbc"))
     assert sorted(path.name.partition("-")[0] for path in files) == ["loops.double", "loops.quadruple"]
-    times = [path.stat().st_mtime_ns for path in files]
-    assert output(start(QUADRUPLE, cache)) == "[0.0, 4.0, 8.0, 12.0, 16.0]\n"
+    kept, times = list(cache.rglob("*.nb?")), [path.stat().st_mtime_ns for path in files]
+    # Nor does one that has the same sources elsewhere, as those of another installation are.
+    elsewhere = cache.parent / "elsewhere" / cache.parent.name
+    elsewhere.mkdir(parents=True)
+    (cache.parent / "loops.py").rename(elsewhere / "loops.py")
+    paths = os.pathsep.join([str(ROOT), str(elsewhere)])
+    assert output(start(QUADRUPLE, cache, PYTHONPATH=paths)) == "[0.0, 4.0, 8.0, 12.0, 16.0]\n"
+    assert list(cache.rglob("*.nb?")) == kept
     assert [path.stat().st_mtime_ns for path in files] == times
 
 

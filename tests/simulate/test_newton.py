@@ -1,4 +1,4 @@
-"""The cloth engine: draping, what may not touch, layers, and the same result twice."""
+"""The cloth engine: draping, what may not touch, layers, the same result twice, the start of a substep."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,12 +9,18 @@ import trimesh
 
 pytest.importorskip("newton", reason="the `simulate` extra is not installed")
 
+from newton.solvers import SolverVBD
+
 from tests.simulate.physics.scenes import play
 from uvcloth.physics.layers import wrong_side_percent
+from uvcloth.simulate import newton
 from uvcloth.simulate.engine import Scene
 from uvcloth.simulate.newton import MAX_SUBSTEPS, Newton
 
 FPS = 30.0
+
+CONVERGED_DROP = 0.0200
+"""Metres that the hanging sheet comes down in 80 substeps of 20 iterations, which take minutes."""
 
 
 def sheet_over_a_ball(frames: int, height: float) -> Scene:
@@ -43,6 +49,27 @@ def sheet_over_a_ball(frames: int, height: float) -> Scene:
         collider_parts=(torch.from_numpy(ball.faces),),
         touches=torch.ones(1, len(points), dtype=torch.bool),
         fps=FPS,
+    )
+
+
+def hanging_sheet(frames: int) -> Scene:
+    """A sheet of 30 x 30 cm that hangs from its upper edge."""
+    size = 11
+    x, z = torch.meshgrid(torch.arange(size), torch.arange(size), indexing="ij")
+    points = torch.stack([0.03 * x, torch.zeros_like(x), -0.03 * z], -1).reshape(-1, 3).float()
+    corner = (torch.arange(size - 1)[:, None] * size + torch.arange(size - 1)).reshape(-1)
+    faces = [[corner, corner + size, corner + size + 1], [corner, corner + size + 1, corner + 1]]
+    return Scene(
+        rest=points,
+        faces=torch.cat([torch.stack(three, 1) for three in faces]),
+        band=points[:, 2] == 0,
+        mass_factor=torch.ones(len(points)),
+        inner_thickness=torch.zeros(len(points)),
+        skinned=points.expand(frames, -1, -1),
+        collider=torch.zeros(frames, 0, 3),
+        collider_parts=(),
+        touches=torch.zeros(0, len(points), dtype=torch.bool),
+        fps=30.0,
     )
 
 
@@ -106,3 +133,16 @@ def test_layers_keep_apart_and_the_outer_one_farther_off_the_ball() -> None:
     below, above = play(Newton(), both).split(count, dim=1)
     assert wrong_side_percent(above, below, inner.faces) == 0.0
     assert float(above[-1].norm(dim=1).min()) > 0.127
+
+
+def test_newton_starts_substeps_from_free_fall_which_stretches_cloth(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, engine = hanging_sheet(20), Newton(substeps=10, iterations=1)
+
+    def drop() -> float:
+        """Metres that the lower edge has come down."""
+        return float((scene.rest - play(engine, scene)[-1])[:, 2].max())
+
+    from_acceleration = drop()
+    monkeypatch.setattr(newton, "patched_solver", lambda: SolverVBD)
+    from_free_fall = drop()
+    assert abs(from_acceleration - CONVERGED_DROP) < 0.3 * (from_free_fall - CONVERGED_DROP)

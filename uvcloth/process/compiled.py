@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba.core.caching import FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
 from rasterize.cache_folder import temporary_cache
 
@@ -45,12 +45,38 @@ def borrowing(function: Function) -> Function:
     return _kept(function, _nrt=False)
 
 
+class _Locator(_CacheLocator):
+    """Place of the files of a function: the folder of its sources' hash, wherever they are installed."""
+
+    def __init__(self, function: Callable[..., Any], file: str) -> None:
+        self.folder = _cache_folder(Path(file).parent)
+        self.line = function.__code__.co_firstlineno
+
+    def get_cache_path(self) -> str:
+        return str(self.folder)
+
+    def get_source_stamp(self) -> str:
+        return ""  # the hash is in the name of the folder
+
+    def get_disambiguator(self) -> str:
+        return str(self.line)
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> "_Locator":
+        return cls(function, file)
+
+
+class _Files(CompileResultCacheImpl):
+    _locator_classes = [_Locator]  # noqa: RUF012
+
+
 class ChildCache(FunctionCache):
     """Numba's files of a compiled function; where they lack it, a child process compiles it into them.
 
     compiles_here: True in that child, and after a child was of no use (on a full disk).
     """
 
+    _impl_class = _Files
     compiles_here = False
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -75,16 +101,8 @@ class ChildCache(FunctionCache):
 def _kept(function: Function, **options: Any) -> Function:
     options = {"fastmath": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, **options}
     dispatcher: Any = numba.njit(function, **options)
-    folder = _cache_folder(Path(function.__code__.co_filename).parent)
-    if folder is None:
-        return dispatcher
-    settings: Any = numba.config
-    before = settings.CACHE_DIR
-    settings.CACHE_DIR = str(folder)
-    try:
+    if _cache_folder(Path(function.__code__.co_filename).parent) is not None:
         dispatcher._cache = ChildCache(function)
-    finally:
-        settings.CACHE_DIR = before
     return dispatcher
 
 
@@ -166,10 +184,10 @@ def is_kept(function: Any) -> bool:
 def _cache_folder(sources: Path) -> Path | None:
     """Folder of the compiled loops of the package folder `sources`, or None if none can be written.
 
-    Numba renews compiled code when its own file changes, not when that of a function changes which it calls:
-    the hash of all files together does. So compiled loops call none of other package folders.
+    Numba would look at the file of a function alone, not at those of functions which it calls or at how it
+    is compiled here: the hash of all does. So compiled loops call none of other package folders.
     """
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(Path(__file__).read_bytes())
     for path in sorted(sources.glob("*.py")):
         digest.update(path.read_bytes())
     name = f"{sources.name}-{digest.hexdigest()[:16]}"

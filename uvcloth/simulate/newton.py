@@ -15,7 +15,12 @@ from rasterize.warp_start import start_warp
 from uvcloth.geometry.units import GRAVITY
 from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 from uvcloth.simulate.engine import Frame, Scene
-from uvcloth.simulate.newton_patches import keep_apart, patched_solver, require_newton
+from uvcloth.simulate.newton_patches import (
+    keep_apart,
+    leave_out_gradients,
+    patched_solver,
+    require_newton,
+)
 
 STRIDE_SHARE = 0.85
 """Share of the distance to other cloth that a vertex may move before self-contact is detected again."""
@@ -80,6 +85,7 @@ class Newton:
         """
         start_warp()
         require_newton()
+        leave_out_gradients()
         import newton
 
         path = scene.skinned.mean(1, keepdim=True)

@@ -33,7 +33,8 @@ def test_the_closest_face_is_that_of_a_search_of_all_faces(reach: float, guessed
     body = make_body(surface, parts, np.ones((2, len(points)), bool))
     hints = np.stack([draw.integers(0, len(parts[0]), 500), np.full(500, -1)]).astype(np.int32)
     known = no_memory(body)
-    passage = begin_passage(body, surface, surface, points, known._replace(faces=hints) if guessed else known)
+    before = known._replace(faces=hints) if guessed else known
+    passage = begin_passage(body, surface, surface, points, before, 0, 1)
     found = contacts_of(body, passage, np.float32(0.0), points, np.float32(reach))
     for part, faces in enumerate(parts):
         mesh = trimesh.Trimesh(surface, faces, process=False)
@@ -87,7 +88,7 @@ def test_searches_that_know_of_those_before_find_what_the_first_would() -> None:
             skipped += int((together.clear > 0.1).sum())
             followed += int((together.hints >= 0).sum())
             found = contacts_of(body, together, share, now, reach)
-            alone = begin_passage(body, surface, end, now, none)
+            alone = begin_passage(body, surface, end, now, none, 0, 1)
             again = contacts_of(body, alone, share, now, reach)
             shape = (1.0 - share) * surface + share * end
             for part in range(2):

@@ -8,12 +8,9 @@ from rasterize.warp_start import start_warp
 
 pytest.importorskip("newton", reason="the `simulate` extra is not installed")
 
-from newton.solvers import SolverVBD
-
-from tests.simulate.physics.scenes import play
+from tests.simulate.test_newton import sheet_over_a_ball
 from uvcloth.errors import InputError
-from uvcloth.simulate import newton, newton_patches
-from uvcloth.simulate.engine import Scene
+from uvcloth.simulate import newton_patches
 from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.newton_patches import patches, require_newton
 from uvcloth.simulate.newton_patches.bending import bending_force_hessian
@@ -25,9 +22,6 @@ from uvcloth.simulate.newton_patches.near_pairs import (
 )
 
 COUNT = 100_000
-
-CONVERGED_DROP = 0.0200
-"""Metres that the hanging sheet comes down in 80 substeps of 20 iterations, which take minutes."""
 
 newton_bending = next(patch.original for patch in patches() if "dihedral" in patch.name)
 
@@ -135,40 +129,6 @@ def test_pairs_that_are_far_apart_touch_neither_for_newton_nor_for_us(of_edges: 
         assert not contacts.any()
 
 
-def hanging_sheet(frames: int) -> Scene:
-    """A sheet of 30 x 30 cm that hangs from its upper edge."""
-    size = 11
-    x, z = torch.meshgrid(torch.arange(size), torch.arange(size), indexing="ij")
-    points = torch.stack([0.03 * x, torch.zeros_like(x), -0.03 * z], -1).reshape(-1, 3).float()
-    corner = (torch.arange(size - 1)[:, None] * size + torch.arange(size - 1)).reshape(-1)
-    faces = [[corner, corner + size, corner + size + 1], [corner, corner + size + 1, corner + 1]]
-    return Scene(
-        rest=points,
-        faces=torch.cat([torch.stack(three, 1) for three in faces]),
-        band=points[:, 2] == 0,
-        mass_factor=torch.ones(len(points)),
-        inner_thickness=torch.zeros(len(points)),
-        skinned=points.expand(frames, -1, -1),
-        collider=torch.zeros(frames, 0, 3),
-        collider_parts=(),
-        touches=torch.zeros(0, len(points), dtype=torch.bool),
-        fps=30.0,
-    )
-
-
-def test_newton_starts_substeps_from_free_fall_which_stretches_cloth(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, engine = hanging_sheet(20), Newton(substeps=10, iterations=1)
-
-    def drop() -> float:
-        """Metres that the lower edge has come down."""
-        return float((scene.rest - play(engine, scene)[-1])[:, 2].max())
-
-    from_acceleration = drop()
-    monkeypatch.setattr(newton, "patched_solver", lambda: SolverVBD)
-    from_free_fall = drop()
-    assert abs(from_acceleration - CONVERGED_DROP) < 0.3 * (from_free_fall - CONVERGED_DROP)
-
-
 def test_a_pipeline_of_newton_pairs_every_vertex_with_every_shape() -> None:
     import newton as package
 
@@ -196,7 +156,7 @@ def test_another_version_of_newton_is_refused_in_one_sentence(
     with pytest.raises(
         InputError, match=r"^Newton 1\.9\.0 is installed, .* Newton 1\.8, .*: install [^\n]*$"
     ):
-        next(Newton().simulate(hanging_sheet(2)))
+        next(Newton().simulate(sheet_over_a_ball(2, height=0.14)))
 
 
 def test_every_patch_says_why() -> None:

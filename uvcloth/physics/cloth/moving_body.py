@@ -139,7 +139,7 @@ class Passage(NamedTuple):
 
 @compiled
 def begin_passage(
-    body: Body, start: Array, end: Array, positions: Array, before: Memory, turn: int = 0, renewal: int = 1
+    body: Body, start: Array, end: Array, positions: Array, before: Memory, turn: int, renewal: int
 ) -> Passage:
     """Begin a frame of a body at (V, 3) m before and after it, and of cloth at (N, 3) m.
 

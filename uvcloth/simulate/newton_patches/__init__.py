@@ -127,6 +127,16 @@ def patched_solver() -> type[Any]:
     return FromAcceleration
 
 
+@cache
+def leave_out_gradients() -> None:
+    """Compile kernels of Newton without gradients, which nobody asks for: most of their compilation."""
+    from newton._src.geometry import kernels
+    from newton._src.utils import mesh
+
+    for module in (kernels, mesh):
+        wp.set_module_options({"enable_backward": False}, module=module)
+
+
 def keep_apart(pipeline: Any, touches: Tensor) -> None:
     """Remove pairs that may not touch from a collision pipeline, which pairs all vertices with all shapes.
 
