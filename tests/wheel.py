@@ -49,7 +49,7 @@ USES = {
     "view": VIEW,
     "alembic": f"{ROLLOUT} walk.abc",
     "fbx": "uvcloth fit blouse.fbx",
-    "report": "uvcloth evaluate --model lbs --data data --split validation --map-size 16 --out report",
+    "report": "uvcloth evaluate --model lbs --data data --map-size 16 --out report",
 }
 """For each extra a command that needs it."""
 
