@@ -102,9 +102,9 @@ def versions(python: Path) -> list[str]:
 
 def run_tests(python: Path, cache: Path, tests: tuple[str, ...]) -> str:
     """The last line of pytest, whose output is passed on. Kernels of other versions are not used."""
-    options = ("-X", "faulthandler", "-m", "pytest", "-p", "no:cacheprovider", "-vv", "-rfE")
+    options = ("-u", "-X", "faulthandler", "-m", "pytest", "-p", "no:cacheprovider", "-vv", "-rfE")
     command = [str(python), *options, *tests]
-    own = {"UVCLOTH_CACHE": str(cache.resolve()), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"}
+    own = {"UVCLOTH_CACHE": str(cache.resolve()), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": ""}
     last = ""
     with subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8", env=os.environ | own) as process:
         for line in process.stdout or ():
