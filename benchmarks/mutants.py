@@ -60,7 +60,8 @@ ROOMS = {
         ),
     ),
     "rollout": Room(
-        ("uvcloth/rollout.py", "uvcloth/looped.py"), ("tests/test_rollout.py", "tests/test_looped.py")
+        ("uvcloth/rollout.py", "uvcloth/looped.py"),
+        ("tests/test_rollout.py", "tests/test_looped.py", "tests/test_places.py"),
     ),
     "physics": Room(("uvcloth/physics/*.py",), ("tests/physics/test_*.py",)),
     "cloth": Room(("uvcloth/physics/cloth/*.py",), ("tests/physics/cloth/test_*.py",)),
