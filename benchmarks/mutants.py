@@ -56,7 +56,7 @@ ROOMS = {
         (
             "tests/export/test_oracle.py",
             *(f"tests/export/test_{name}*.py" for name in ("gltf", "usd", "alembic", "obj", "pointcache")),
-            *(f"tests/export/test_{name}.py" for name in ("survival", "rig", "writer")),
+            *(f"tests/export/test_{name}.py" for name in ("survival", "rig", "writer", "full_disk")),
         ),
     ),
     "rollout": Room(
