@@ -5,9 +5,9 @@ python benchmarks/mutants.py --out ../mutants --room export --count 30
 Plants one fault at a time into a copy of the checkout: another operator, a lost sign, another index or axis,
 a changed number, a turned condition, a dropped statement. --seed draws the places. Results are lines of
 OUT/results.jsonl; a run with the same OUT goes on where the last one ended. A mutant is tested by the tests
-of its room alone, those named after its file first, in a fork of this process, in which the libraries are
-loaded once. For a file with compiled
-loops the cache is new: loops that were compiled before contain the old code of others.
+of its room alone, up to the first that fails, in a fork of this process, in which the libraries are loaded
+once. Tests that run its line come first. For a file with compiled loops the cache is new: loops that were
+compiled before contain the old code of others.
 
 mutmut's trampolines cannot be compiled by Numba. cosmic-ray neither samples nor drops statements, and starts
 Python anew for every mutant, which is most of the time here. So this is our own.
@@ -21,7 +21,7 @@ import resource
 import shutil
 import subprocess
 import sys
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import suppress
 from copy import deepcopy
@@ -32,6 +32,7 @@ from typing import Any
 
 import pytest
 import tyro
+from coverage import Coverage
 from rich.console import Console
 from rich.table import Table
 
@@ -40,7 +41,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @dataclass(frozen=True)
 class Room:
-    """Files that are mutated, and the tests that should notice, the quickest first: patterns of paths."""
+    """Files that are mutated, and the tests that should notice: patterns of paths."""
 
     sources: tuple[str, ...]
     tests: tuple[str, ...]
@@ -55,17 +56,18 @@ ROOMS = {
         (
             "tests/export/test_oracle.py",
             *(f"tests/export/test_{name}*.py" for name in ("gltf", "usd", "alembic", "obj", "pointcache")),
-            *(f"tests/export/test_{name}.py" for name in ("survival", "rig", "writer")),
+            *(f"tests/export/test_{name}.py" for name in ("survival", "rig", "writer", "full_disk")),
         ),
     ),
     "rollout": Room(
-        ("uvcloth/rollout.py", "uvcloth/looped.py"), ("tests/test_rollout.py", "tests/test_looped.py")
+        ("uvcloth/rollout.py", "uvcloth/looped.py"),
+        ("tests/test_rollout.py", "tests/test_looped.py", "tests/test_places.py"),
     ),
     "physics": Room(("uvcloth/physics/*.py",), ("tests/physics/test_*.py",)),
     "cloth": Room(("uvcloth/physics/cloth/*.py",), ("tests/physics/cloth/test_*.py",)),
     "retarget": Room(
         tuple(f"uvcloth/motion/{name}.py" for name in ("retarget", "rest", "arms", "posture", "clip", "bvh")),
-        tuple(f"tests/motion/test_{name}.py" for name in ("retarget", "rest", "bvh", "families")),
+        tuple(f"tests/motion/test_{name}.py" for name in ("retarget", "rest", "arms", "bvh", "families")),
     ),
     "decode": Room(
         tuple(f"rasterize/{name}.py" for name in ("decode", "gather", "bake", "texels", "layout")),
@@ -98,8 +100,8 @@ LIBRARIES = (
 )
 """Loaded before the forks."""
 
-SPARE_SECONDS = 30
-"""CPU seconds that a mutant may take beyond three times those of the tests without a fault."""
+SPARE_SECONDS = 10
+"""CPU seconds that a mutant may take beyond twice those of the tests without a fault."""
 
 SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult,
@@ -204,6 +206,84 @@ class FirstFailure:
 
 
 @dataclass(frozen=True)
+class Trace:
+    """What each test of a room took and ran: seconds, and lines of the room's files, by the test's name.
+
+    Lines that fixtures run are under the name of the test's file.
+    """
+
+    seconds: dict[str, float]
+    lines: dict[str, dict[str, list[int]]]
+
+    def far(self, mutant: Mutant, test: str) -> tuple[bool, bool, float]:
+        """Key that sorts tests: those that run the line, then those that run others of its file."""
+        file = test.partition("::")[0]
+        ran = {*self._lines(test, mutant.file), *self._lines(file, mutant.file)}
+        lines = range(mutant.start[0], mutant.end[0] + 1)
+        return ran.isdisjoint(lines), not ran, self.seconds.get(test, 0.0)
+
+    def _lines(self, context: str, file: str) -> list[int]:
+        return self.lines.get(context, {}).get(file, [])
+
+
+class Tracing:
+    """A pytest plugin that writes a `Trace`."""
+
+    def __init__(self, copy: Path, room: Room, path: Path) -> None:
+        self._copy = copy
+        self._path = path
+        self._seconds: defaultdict[str, float] = defaultdict(float)
+        self._coverage = Coverage(
+            config_file=False, data_file=None, include=[str(copy / source) for source in room.sources]
+        )
+        self._coverage.start()
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_setup(self, item: pytest.Item) -> None:
+        """Fixtures are shared by the tests of a file."""
+        self._coverage.switch_context(item.nodeid.partition("::")[0])
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_call(self, item: pytest.Item) -> None:
+        """From here on the lines are those of the test."""
+        self._coverage.switch_context(item.nodeid)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Add what a phase of the test took."""
+        self._seconds[report.nodeid] += report.duration
+
+    def pytest_sessionfinish(self) -> None:
+        """Write what was seen."""
+        self._coverage.stop()
+        data = self._coverage.get_data()
+        lines: dict[str, dict[str, list[int]]] = {}
+        for file in data.measured_files():
+            name = Path(file).relative_to(self._copy).as_posix()
+            for line, contexts in data.contexts_by_lineno(file).items():
+                for context in contexts:
+                    lines.setdefault(context, {}).setdefault(name, []).append(line)
+        self._path.write_text(json.dumps({"seconds": self._seconds, "lines": lines}))
+
+
+class NearestFirst:
+    """A pytest plugin that sorts tests by how near they are to a mutant; those of a file stay together."""
+
+    def __init__(self, mutant: Mutant, trace: Trace) -> None:
+        self._mutant = mutant
+        self._trace = trace
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Sort them."""
+        far = {item.nodeid: self._trace.far(self._mutant, item.nodeid) for item in items}
+        nearest: dict[str, tuple[bool, bool, float]] = {}
+        for test, key in far.items():
+            file = test.partition("::")[0]
+            nearest[file] = min(nearest.get(file, key), key)
+        items.sort(key=lambda item: (nearest[item.nodeid.partition("::")[0]], far[item.nodeid]))
+
+
+@dataclass(frozen=True)
 class Tried:
     """Outcome of a test run: killed, survived or time; the test that failed; CPU seconds."""
 
@@ -212,15 +292,15 @@ class Tried:
     seconds: float
 
 
-def try_tests(copy: Path, room: Room, cache: Path, limit: int, file: str = "") -> Tried:
-    """Run the tests of a room in a fork of this process, those named after `file` first."""
+def try_tests(copy: Path, room: Room, cache: Path, limit: int, plugin: Any) -> Tried:
+    """Run the tests of a room in a fork of this process, with a plugin of pytest that is made there."""
     said = copy.parent / "failed"
     said.unlink(missing_ok=True)
     child = os.fork()
     if not child:
         code = 99
         try:
-            code = _run_tests(copy, tests_of(room, copy, file), cache, limit, said)
+            code = _run_tests(copy, room, cache, limit, [FirstFailure(said), plugin()])
         finally:
             os._exit(code)
     _, status, used = os.wait4(child, 0)
@@ -231,26 +311,20 @@ def try_tests(copy: Path, room: Room, cache: Path, limit: int, file: str = "") -
     return Tried("survived" if os.WEXITSTATUS(status) == 0 else "killed", by, seconds)
 
 
-def tests_of(room: Room, copy: Path, file: str) -> list[str]:
-    """Paths of the tests of a room, those named after `file` first."""
-    paths = [path for test in room.tests for path in sorted(copy.glob(test))]
-    paths.sort(key=lambda path: not file or Path(file).stem not in path.stem)
-    return [str(path.relative_to(copy)) for path in paths]
-
-
-def _run_tests(copy: Path, paths: list[str], cache: Path, limit: int, said: Path) -> int:
+def _run_tests(copy: Path, room: Room, cache: Path, limit: int, plugins: list[Any]) -> int:
     """The exit code of pytest in the copy of the checkout."""
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
     os.chdir(copy)
     os.environ.update(PYTHONPATH=str(copy), UVCLOTH_CACHE=str(cache), PYTHONDONTWRITEBYTECODE="1")
     sys.path[:] = [str(copy), *(path for path in sys.path if Path(path or ".").resolve() != ROOT)]
     sys.dont_write_bytecode = True
+    paths = dict.fromkeys(
+        str(path.relative_to(copy)) for test in room.tests for path in sorted(copy.glob(test))
+    )
     with (copy.parent / "output").open("w") as stream:
         os.dup2(stream.fileno(), 1)
         os.dup2(stream.fileno(), 2)
-        return pytest.main(
-            ["-x", "-q", "-n0", "-p", "no:cacheprovider", *paths], plugins=[FirstFailure(said)]
-        )
+        return pytest.main(["-x", "-q", "-n0", "-p", "no:cacheprovider", *paths], plugins=plugins)
 
 
 def make_copy(folder: Path) -> Path:
@@ -294,11 +368,11 @@ class Mutants:
         }
         for name in self.room:
             room = ROOMS[name]
-            limit = self._limit(name, room, copy, folder)
+            trace, limit = self._trace(name, room, copy, folder)
             for number, mutant in enumerate(drawn(room, self.count, self.seed)):
                 if json.dumps(asdict(mutant)) in done:
                     continue
-                tried = self._try(mutant, room, copy, folder, limit)
+                tried = self._try(mutant, trace, room, copy, folder, limit)
                 row = {"room": name, "seed": self.seed, "mutant": asdict(mutant), **asdict(tried)}
                 done[json.dumps(asdict(mutant))] = json.loads(json.dumps(row))
                 with results.open("a") as stream:
@@ -307,15 +381,16 @@ class Mutants:
                 print(f"{name} {number} {tried.outcome} {tried.seconds} s {place} {mutant.kind}", flush=True)
         _print_table(list(done.values()))
 
-    def _limit(self, name: str, room: Room, copy: Path, folder: Path) -> int:
-        """CPU seconds for a mutant; the tests have to pass without one."""
-        tried = try_tests(copy, room, folder / "cache", 3600)
+    def _trace(self, name: str, room: Room, copy: Path, folder: Path) -> tuple[Trace, int]:
+        """What the tests of a room run, and CPU seconds for a mutant; they have to pass without one."""
+        path = folder / "trace.json"
+        tried = try_tests(copy, room, folder / "cache", 3600, lambda: Tracing(copy, room, path))
         print(f"{name}: {tried.seconds} CPU s without a fault", flush=True)
         if tried.outcome != "survived":
             raise SystemExit(f"{name}: the tests fail without a fault: {tried.by}, {folder / 'output'}")
-        return int(3 * tried.seconds) + SPARE_SECONDS
+        return Trace(**json.loads(path.read_text())), int(2 * tried.seconds) + SPARE_SECONDS
 
-    def _try(self, mutant: Mutant, room: Room, copy: Path, folder: Path, limit: int) -> Tried:
+    def _try(self, mutant: Mutant, trace: Trace, room: Room, copy: Path, folder: Path, limit: int) -> Tried:
         """Plant one fault, run the tests, and take it out again."""
         path = copy / mutant.file
         content = path.read_text(encoding="utf-8")
@@ -323,7 +398,7 @@ class Mutants:
         cache = folder / ("cache_of_mutant" if compiled else "cache")
         path.write_text(mutant.source(content), encoding="utf-8")
         try:
-            return try_tests(copy, room, cache, limit + 600 * compiled, mutant.file)
+            return try_tests(copy, room, cache, limit + 600 * compiled, lambda: NearestFirst(mutant, trace))
         finally:
             path.write_text(content, encoding="utf-8")
             shutil.rmtree(folder / "cache_of_mutant", ignore_errors=True)

@@ -71,7 +71,7 @@ def main() -> None:
     for name in options.only:
         python = made(name, options)
         begun = time.perf_counter()
-        outcome = run_tests(python, options.tests)
+        outcome = run_tests(python, options.folder / f"cache-{name}", options.tests)
         minutes = (time.perf_counter() - begun) / 60
         table.add_row(name, *versions(python), outcome, f"{minutes:.0f}")
     Console().print(table)
@@ -100,13 +100,13 @@ def versions(python: Path) -> list[str]:
     return answer.stdout.split()
 
 
-def run_tests(python: Path, tests: tuple[str, ...]) -> str:
-    """The last line of pytest, whose output is passed on."""
-    options = ("-X", "faulthandler", "-m", "pytest", "-p", "no:cacheprovider", "--verbose")
+def run_tests(python: Path, cache: Path, tests: tuple[str, ...]) -> str:
+    """The last line of pytest, whose output is passed on. Kernels of other versions are not used."""
+    options = ("-u", "-X", "faulthandler", "-m", "pytest", "-p", "no:cacheprovider", "-vv", "-rfE")
     command = [str(python), *options, *tests]
-    quiet = os.environ | {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"}
+    own = {"UVCLOTH_CACHE": str(cache.resolve()), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": ""}
     last = ""
-    with subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8", env=quiet) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8", env=os.environ | own) as process:
         for line in process.stdout or ():
             print(line, end="", flush=True)
             last = line.strip("= \n") or last

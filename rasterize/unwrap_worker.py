@@ -27,8 +27,11 @@ def main() -> None:
     pack.resolution = 512
     pack.rotate_charts_to_axis = True
     atlas.generate(chart_options=chart, pack_options=pack)
+    answer = io.BytesIO()
     for array in atlas[0]:
-        np.save(sys.stdout.buffer, np.ascontiguousarray(array))
+        np.save(answer, np.ascontiguousarray(array))
+    # NumPy itself cannot write into a pipe, unless Python was told not to buffer it.
+    sys.stdout.buffer.write(answer.getvalue())
 
 
 main()

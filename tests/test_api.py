@@ -98,12 +98,17 @@ def test_every_public_name_is_where_the_table_and_the_types_say() -> None:
 
 
 def test_a_type_checker_sees_the_types(tmp_path: Path) -> None:
-    """With the settings of `make lint`, whose cache is used where there is one."""
+    """With the settings of `make lint`, whose cache is used where there is one.
+
+    NumPy's own types have errors in versions that are newer than the Python of these settings.
+    """
     pytest.importorskip("mypy", reason="mypy is not installed")
-    (tmp_path / "user.py").write_text(USER, encoding="utf-8")
-    command = [sys.executable, "-m", "mypy", "--no-error-summary", str(tmp_path / "user.py")]
+    user = tmp_path / "user.py"
+    user.write_text(USER, encoding="utf-8")
+    command = [sys.executable, "-m", "mypy", "--no-error-summary", str(user)]
     done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=ROOT)
-    found = [line.partition(": ")[2] for line in done.stdout.splitlines()]
+    lines = [line for line in done.stdout.splitlines() if line.startswith(str(user))]
+    found = [line.partition(": ")[2] for line in lines]
     assert len(found) == len(TRUE_TYPES), done.stdout + done.stderr
     for line, expected in zip(found, TRUE_TYPES, strict=True):
         assert expected in line

@@ -109,6 +109,9 @@ def test_what_still_differs_is_spread_over_the_overlap() -> None:
     torch.testing.assert_close(away[-1], away[0], atol=1e-5, rtol=0)
     assert float(away[0]) == pytest.approx(0.001 * 2 * PERIOD, abs=1e-5)
     assert float(away.diff().abs().max()) < 0.008
+    # Half a second, 12 frames, begins as smoothly as it ends.
+    overlap = away.diff()[-13:]
+    torch.testing.assert_close(overlap, overlap.flip(0), atol=1e-6, rtol=0)
 
 
 def test_what_breaks_before_the_loop_is_said_so() -> None:

@@ -43,13 +43,13 @@ ROLLOUT = "uvcloth rollout --motion walk --frames 0:4 --garment tops --model lbs
 USES = {
     "simulate": "uvcloth simulate walk --frames 0:4 --garment tops --jobs 1 --out simulated",
     "body": "uvcloth body --height 0.4 --out tall.npz",
-    "train": "uvcloth train pbns --garment tops --poses walk --preset tiny --steps 2 --out run",
+    "train": "uvcloth train pbns --garment tops --poses run walk --preset tiny --steps 2 --out run",
     "export": "uvcloth export --model pbns --out rig.glb",
     "video": f"{ROLLOUT} walk.mp4",
     "view": VIEW,
     "alembic": f"{ROLLOUT} walk.abc",
     "fbx": "uvcloth fit blouse.fbx",
-    "report": "uvcloth evaluate --model lbs --data data --split validation --map-size 16 --out report",
+    "report": "uvcloth evaluate --model lbs --data data --map-size 16 --out report",
 }
 """For each extra a command that needs it."""
 

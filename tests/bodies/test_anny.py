@@ -1,5 +1,7 @@
 """Our skinning against Anny's own forward pass, and templates on bodies of other shapes."""
 
+from pathlib import Path
+
 import pytest
 import torch
 
@@ -11,6 +13,8 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.physics.surface import BodySurface
 
 pytest.importorskip("anny", reason="the `body` extra is not installed")
+
+from anny.paths import get_anny_cache_path, set_anny_cache_path
 
 from uvcloth.bodies.anny import DEFAULT_PHENOTYPE, make_body, rig
 
@@ -68,3 +72,19 @@ def test_a_phenotype_out_of_range_is_refused() -> None:
         make_body("b", {"weight": 1.5})
     with pytest.raises(InputError, match="armspan"):
         make_body("b", {"armspan": 0.5})
+
+
+def test_where_no_home_can_be_written_anny_caches_among_temporary_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rasterize.cache_folder.gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr("anny.Anny", lambda **_: get_anny_cache_path())
+    usual = get_anny_cache_path()
+    try:
+        assert rig("anny") == usual
+        (tmp_path / "home").touch()
+        set_anny_cache_path(tmp_path / "home" / ".cache" / "anny")
+        assert rig("anny").is_relative_to(tmp_path)
+        assert rig("anny").is_dir()
+    finally:
+        set_anny_cache_path(usual)

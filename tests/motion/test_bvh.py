@@ -192,6 +192,16 @@ def test_files_that_are_no_bvh(tmp_path: Path) -> None:
         read_bvh(tmp_path / "binary.bvh")
 
 
+def test_a_joint_without_an_offset_is_at_its_parent(tmp_path: Path) -> None:
+    joints = performer()
+    text = bvh_text(joints, still(joints))
+    assert text.count("OFFSET 0.0 2.0 0.0\n") == 1
+    (tmp_path / "back.bvh").write_text(text.replace("OFFSET 0.0 2.0 0.0\n", ""))
+    skeleton = read_bvh(tmp_path / "back.bvh").skeleton
+    hips, back = (skeleton.heads[skeleton.names.index(name)] for name in ("Hips", "LowerBack"))
+    assert torch.equal(hips, back)
+
+
 def test_the_rounded_frame_time_of_120_fps_means_120(tmp_path: Path) -> None:
     joints = performer()
     path = tmp_path / "fast.bvh"

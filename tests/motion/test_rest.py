@@ -8,6 +8,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from tests.motion.bvh_text import performer
 from tests.motion.families import FAMILIES
 from tests.motion.layouts import difference, write_layout
 from uvcloth.bodies.body import Body
@@ -17,6 +18,8 @@ from uvcloth.motion.lead_in import pose_from_rest
 from uvcloth.motion.library import load_clip, load_source
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.posture import check_posture
+from uvcloth.motion.rest import standing_axis
+from uvcloth.motion.roles import joint_roles
 
 
 @pytest.fixture(scope="module")
@@ -172,3 +175,15 @@ def turned_joint(clip: Clip, frame: int, names: tuple[str, ...], angle: float) -
     rotations = clip.rotations.clone()
     rotations[frame, sorted(turned)] = turn @ rotations[frame, sorted(turned)]
     return replace(clip, rotations=rotations)
+
+
+def test_hips_may_tilt_while_arms_hang_down() -> None:
+    """Sideways is level, however much higher one thigh is."""
+    joints = performer(arms_down=True)
+    heads = torch.zeros(len(joints), 3)
+    for index, (_, parent, offset, _) in enumerate(joints[1:], start=1):
+        heads[index] = heads[parent] + torch.tensor(offset)
+    roles = joint_roles([joint[0] for joint in joints])
+    for side, raised in (("left", 1.6), ("right", -1.6)):
+        heads[[roles[f"{side}_{part}"] for part in ("thigh", "shin", "foot")], 1] += raised
+    assert standing_axis(heads, roles).tolist() == [0.0, 1.0, 0.0]

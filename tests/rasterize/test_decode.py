@@ -29,10 +29,30 @@ SPLIT = Layout(
 def test_bilinear_is_exact_on_linear_fields_inside_a_chart() -> None:
     texels = rasterize_layout(SPLIT, 64)
     maps = scatter_map(bake(VERTICES.double(), FACES, texels), texels)
-    face = torch.tensor([0, 1, 2, 3])
-    barycentrics = torch.tensor([[0.3, 0.3, 0.4], [0.4, 0.35, 0.25], [0.2, 0.5, 0.3], [0.3, 0.4, 0.3]])
+    face = torch.tensor([0, 1, 1, 2, 3])
+    barycentrics = torch.tensor(
+        [[0.3, 0.3, 0.4], [0.4, 0.35, 0.25], [0.3, 0.7, 0.0], [0.2, 0.5, 0.3], [0.3, 0.4, 0.3]]
+    )
     expected = (VERTICES[FACES[face]] * barycentrics[..., None]).sum(1)
     sampler = sample_points(SPLIT, texels, FACES, face, barycentrics)
+    assert (decode(maps, sampler) - expected).abs().max() < 1e-5
+
+
+def test_at_the_border_of_the_sheet_the_texels_of_that_border_count() -> None:
+    """A chart over the whole sheet has texels beyond every border, were rows and columns to wrap around."""
+    uvs = torch.tensor([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    faces = torch.tensor([[0, 1, 2], [0, 2, 3]])
+    whole = Layout(torch.arange(2), uvs, faces, torch.zeros(2, dtype=torch.int64))
+    texels = rasterize_layout(whole, 8)
+    maps = scatter_map(texels.uvs, texels)
+    places = torch.tensor([[0.02, 0.4], [0.98, 0.4], [0.4, 0.02], [0.4, 0.98], [0.4, 0.9]])
+    x, y = places.unbind(1)
+    below = x > y
+    barycentrics = torch.where(
+        below[:, None], torch.stack([1 - x, x - y, y], 1), torch.stack([1 - y, x, y - x], 1)
+    )
+    sampler = sample_points(whole, texels, faces, (~below).long(), barycentrics)
+    expected = places.clamp(0.5 / 8, 1 - 0.5 / 8)
     assert (decode(maps, sampler) - expected).abs().max() < 1e-5
 
 
@@ -42,6 +62,7 @@ def test_points_on_a_seam_average_both_sides_equally() -> None:
     face, on_edge = torch.tensor([0, 3, 0]), torch.tensor([[0.0, 0.5, 0.5], [0.4, 0.0, 0.6], [0.0, 1.0, 0.0]])
     sampler = sample_points(SPLIT, texels, FACES, face, on_edge)
     assert decode(scatter_map(sides, texels), sampler).flatten().tolist() == pytest.approx([0.5, 0.5, 0.5])
+    assert sampler.pixels.shape == (3, 2 * 4)
     inside = sample_points(SPLIT, texels, FACES, torch.tensor([0]), torch.tensor([[0.34, 0.33, 0.33]]))
     assert decode(scatter_map(sides, texels), inside).item() == 0.0
 

@@ -70,3 +70,10 @@ def test_a_square_of_two_faces_has_no_hole_along_their_common_edge() -> None:
     faces = torch.tensor([[0, 1, 2], [0, 2, 3]])
     texels = rasterize_layout(Layout(torch.arange(2), uvs, faces, torch.zeros(2, dtype=torch.int64)), 33)
     assert len(texels) == 33 * 33
+
+
+def test_of_faces_at_one_place_the_first_wins() -> None:
+    layout = soup(25, seed=1)
+    faces = torch.cat([layout.faces, layout.faces + 25])
+    twice = Layout(faces, layout.uvs, layout.face_uvs.repeat(2, 1), layout.islands.repeat(2))
+    assert torch.equal(rasterize_layout(twice, SIZE).face, rasterize_layout(layout, SIZE).face)

@@ -23,6 +23,7 @@ class OneWeight(Objective):
 
     def __init__(self) -> None:
         self.values: list[float] = []
+        self.validated: list[int] = []
 
     @property
     def samples(self) -> Tensor:
@@ -40,6 +41,7 @@ class OneWeight(Objective):
         yield "net", loss, {"loss": loss}
 
     def validate(self, net: nn.Module) -> dict[str, float]:
+        self.validated.append(len(self.values))
         return {"score": next(net.parameters()).item()}
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
@@ -60,6 +62,12 @@ def test_the_running_mean_follows_the_weights_fast_at_first(tmp_path: Path) -> N
         decay = min(0.3, (1 + step) / (10 + step))
         mean = decay * mean + (1 - decay) * value
     assert scores["score"] == pytest.approx(mean, abs=1e-6)
+
+
+def test_weights_are_validated_at_every_interval_and_at_the_end(tmp_path: Path) -> None:
+    objective = OneWeight()
+    fit(objective, tmp_path / "run", LoopConfig(steps=STEPS, validate_every=4), resume=False)
+    assert objective.validated == [4, STEPS]
 
 
 def test_the_rate_rises_and_falls_along_a_cosine() -> None:

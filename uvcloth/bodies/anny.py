@@ -1,11 +1,14 @@
 """Bodies from Anny phenotypes. Anny is needed only here: a made body is one small npz."""
 
+import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
+from rasterize.cache_folder import temporary_cache
 from rasterize.charts import largest_piece
 from uvcloth.bodies.body import Body, Proxy
 from uvcloth.bodies.regions import face_regions
@@ -34,7 +37,7 @@ def make_body(name: str, phenotype: dict[str, float] | None = None) -> Body:
 
     phenotype: values in [0, 1] for the keys of DEFAULT_PHENOTYPE; missing keys take the default.
     In the first call, Anny reads a thousand files of shapes (143 s of an idle core) and caches them in
-    ANNY_CACHE_DIR; later calls take seconds.
+    ANNY_CACHE_DIR, or among temporary files where it cannot be written; later calls take seconds.
     Raises InputError for unknown keys, values outside [0, 1], or if the extra is not installed.
     """
     values = {**DEFAULT_PHENOTYPE, **(phenotype or {})}
@@ -74,7 +77,19 @@ def rig(topology: str) -> Any:
         import anny
     except ModuleNotFoundError as error:
         raise InputError("making a body needs Anny: install uvcloth[body]") from error
+    _find_cache()
     return anny.Anny(rig=ANNY_RIG, topology=topology, phenotype_blendshapes="original")
+
+
+def _find_cache() -> None:
+    """Let Anny cache among temporary files where there is no home, or a read-only one."""
+    from anny.paths import get_anny_cache_path, set_anny_cache_path
+
+    folder = get_anny_cache_path()
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+    if not os.access(folder, os.W_OK):
+        set_anny_cache_path(temporary_cache("anny-cache"))
 
 
 def _dense_weights(model: Any) -> Tensor:

@@ -42,12 +42,12 @@ def arm_depth(body: Body, transforms: Tensor) -> Tensor:
     # At folds, the nearest vertex's normal can mistake outside for inside: the winding number decides.
     for at in (outwards < 0).nonzero().split(POINTS_AT_ONCE):
         frame, place = at.unbind(1)
-        around = _winds_around(torso[frame][:, faces], places[frame, place])
+        around = winds_around(torso[frame][:, faces], places[frame, place])
         depth[frame, place] *= torch.where(around, -1.0, 1.0)
     return depth.unflatten(1, (len(arms), -1)).amax(2)
 
 
-def _winds_around(corners: Tensor, points: Tensor) -> Tensor:
+def winds_around(corners: Tensor, points: Tensor) -> Tensor:
     """Mask (K,) of the points (K, 3) inside closed surfaces of triangles (K, M, 3, 3), one for each point.
 
     Sums up solid angles (van Oosterom and Strackee 1983).
