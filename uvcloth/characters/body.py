@@ -49,6 +49,9 @@ DIFFUSION = 0.01
 NEIGHBOURS, SOFTENING = 12, 0.005
 """Nearest vertices whose displacements move a point, and metres that soften their inverse-square weights."""
 
+MOST_LISTED = 4
+"""Pictures that are named where some are left out."""
+
 EASE_TURNS, EASE_REACH = 6, 0.05
 """Iterations that restore a shell's distances from the skin, and metres up to which these are restored."""
 
@@ -78,8 +81,15 @@ class CharacterBody:
             f"  {len(appearance.mesh.vertices) if appearance else 0} vertices are shown; cloth collides with "
             f"a closed surface of {len(self.off)} vertices; its distance from the character's on trunk "
             f"and limbs: median {near.median():.1f} mm, 95 % below {near.quantile(0.95):.1f} mm",
-            *(f"  left out: {each}" for each in missing),
+            *([f"  left out: {_listed(missing)}"] if missing else []),
         ]
+
+
+def _listed(names: Iterable[str]) -> str:
+    """The first names, and how many more there are."""
+    names = list(names)
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return ", ".join(names[:MOST_LISTED]) + more
 
 
 def body_from_character(
