@@ -1,6 +1,7 @@
 """Garments in the conventions of families of bodies: on a made-up body of their shape, unit, axes and origin.
 
-Nothing here is anyone's: the bodies are ours, stretched, and the garments are our templates, fitted to them.
+Nothing here is anyone's: the bodies are ours, stretched, and the garments are our templates, fitted to them,
+or random ones, sewn on them.
 """
 
 from dataclasses import dataclass, replace
@@ -12,10 +13,16 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body, resized
 from uvcloth.export.obj import save_obj
+from uvcloth.garments.fit import make_fitted
+from uvcloth.garments.garment import Garment
 from uvcloth.garments.pose import Stance, limbs_held, posed_body
-from uvcloth.garments.templates import fit_template
+from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
+from uvcloth.wardrobe.make import make_outfit
+
+VERTICES = (2500, 4500)
+"""Least and most vertices of a random garment."""
 
 TRUNK = ("Hips", "LHipJoint", "RHipJoint", "LowerBack", "Spine", "Spine1", "LeftShoulder", "RightShoulder")
 Y_UP = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
@@ -48,6 +55,11 @@ FAMILIES = {
     "smpl_a": Family(1.74, 1.0, Y_UP, False, Stance(45.0), (1.05, 1.12, 1.04), (1.0, 1.1), (0.97, 1.08)),
     "vroid": Family(
         1.5, 1.0, Y_UP, True, Stance(0.0, 0.0), (0.88, 0.85, 0.92), (0.95, 0.75), (1.1, 0.82), 1.3
+    ),
+    "vroid_a": Family(1.5, 1.0, Y_UP, True, Stance(78.0), (0.88, 0.85, 0.92), (0.95, 0.75), (1.1, 0.82), 1.3),
+    "makehuman": Family(1.72, 0.1, Y_UP, True, Stance(), (1.06, 1.08, 1.0), (1.0, 1.05), (1.0, 1.06), 0.96),
+    "readyplayer": Family(
+        1.68, 1.0, Y_UP, True, Stance(0.0, 3.0), (0.9, 0.92, 0.94), (0.92, 0.85), (1.02, 0.88), 1.18
     ),
     "mixamo": Family(1.8, 0.01, Y_UP, True, Stance(0.0, 4.0), (1.08, 1.0, 1.0), (1.02, 1.1)),
     "unreal": Family(
@@ -120,25 +132,43 @@ class MadeUp:
 
 
 @cache
-def made_up(family: str, template: str, body: Body) -> MadeUp:
-    """A template on a body of a family, in its stance."""
-    kind = FAMILIES[family]
-    other = stretched(body, kind)
-    garment = fit_template(template, other)
-    transforms = limbs_held(other, kind.stance)
+def made_up(family: str, kind: str, body: Body, number: int = 0) -> MadeUp:
+    """A template, or a random garment of a kind and number, on a body of a family, in its stance."""
+    convention = FAMILIES[family]
+    other = stretched(body, convention)
+    garment = fit_template(kind, other) if kind in TEMPLATES else sewn(kind, other, number)
+    transforms = limbs_held(other, convention.stance)
     standing = posed_body(other, transforms)
-    floor = standing.mesh.vertices[:, 2].min() if kind.floor else torch.tensor(0.0)
-    axes = torch.tensor(kind.axes)
+    floor = standing.mesh.vertices[:, 2].min() if convention.floor else torch.tensor(0.0)
+    axes = torch.tensor(convention.axes)
 
     def in_file(points: Tensor) -> Tensor:
-        return (points - floor * torch.tensor([0.0, 0.0, 1.0])) @ axes.T / kind.unit
+        return (points - floor * torch.tensor([0.0, 0.0, 1.0])) @ axes.T / convention.unit
 
     cloth = skin(garment.mesh.vertices, garment.smooth_weights, transforms[None])[0]
     return MadeUp(
         replace(garment.mesh, vertices=in_file(cloth)),
         replace(standing.mesh, vertices=in_file(standing.mesh.vertices)),
-        kind.unit,
+        convention.unit,
     )
+
+
+def sewn(kind: str, body: Body, number: int) -> Garment:
+    """The random garment of a kind (of `wardrobe.designs`) and number, on a body at rest."""
+    mesh = make_outfit(number, 0, (kind,), VERTICES, body).pieces[0]
+    return make_fitted(kind, mesh, body, None)[0]
+
+
+def on_another_mesh(body: Mesh) -> Mesh:
+    """A body with other vertices: also the middles of its faces, in another order."""
+    vertices, faces = body.vertices, body.faces
+    middles = vertices[faces].mean(1)
+    corners = torch.arange(len(faces)) + len(vertices)
+    split = torch.cat([torch.stack([faces[:, k], faces[:, (k + 1) % 3], corners], 1) for k in range(3)])
+    turned = torch.randperm(len(vertices) + len(faces), generator=torch.Generator().manual_seed(0))
+    place = torch.argsort(turned)
+    bare = torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64)
+    return Mesh(torch.cat([vertices, middles])[turned], place[split], *bare)
 
 
 def written(mesh: Mesh, path: Path) -> Path:

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO
@@ -96,6 +97,35 @@ def test_the_table_of_a_vrm_file_goes_before_names(body: Body, tmp_path: Path, v
     joints = joint_roles(body.skeleton.names)
     off = (rigged.skeleton.heads - body.skeleton.heads)[[joints[role] for role in rigged.roles]]
     assert float(off.norm(dim=1).max()) < 2e-3
+
+
+@pytest.mark.parametrize("version", ["VRM", "VRMC_vrm"])
+def test_what_hangs_from_spring_bones_is_clothes(body: Body, tmp_path: Path, version: str) -> None:
+    path = tmp_path / "hero.vrm"
+    legs, head = (torch.isin(body.regions, torch.tensor([REGIONS.index(each)])) for each in ("calf", "head"))
+    parts = [Piece("One", "Skin", body.mesh.faces), Piece("Two", "", body.mesh.faces[legs], off=0.02)]
+    names = {name: name for name in body.skeleton.names}
+    write_character(path, body, [*parts, Piece("Hair", "", body.mesh.faces[head], off=0.02)], names=names)
+    rewritten(path, vrm_table(version, names))
+
+    def springs(written: dict[str, Any]) -> None:
+        nodes = [node.get("name", "") for node in written["nodes"]]
+        roots = [nodes.index(name) for name in ("LeftLeg", "RightLeg", "Head")]
+        if version == "VRM":
+            written["extensions"]["VRM"]["secondaryAnimation"] = {"boneGroups": [{"bones": roots}]}
+        else:
+            joints = [{"node": root} for root in roots]
+            written["extensions"]["VRMC_springBone"] = {"springs": [{"joints": joints}]}
+
+    character = read_character(rewritten(path, springs))
+    skin, skirt, hair = (part.hanging for part in character.parts)
+    assert 0.0 < skin < 0.25
+    assert skirt > 0.9
+    assert hair == 0.0
+    rigged = rig_character(character, {}, body)
+    found = sort_parts(rigged.parts, rigged.skeleton.names)
+    assert [part.name for part in found.left_out] == ["Two"]
+    assert any("hangs from spring bones, --clothes" in line for line in found.lines())
 
 
 def test_joints_without_names_are_told_by_their_places(body: Body, tmp_path: Path) -> None:

@@ -38,23 +38,27 @@ def test_a_top_with_its_texture_is_taken_off_and_worn_again(
 
     def textured(written: dict[str, Any]) -> None:
         written["images"] = [{"uri": f"data:image/png;base64,{picture}", "name": "red"}]
-        written["textures"] = [{"source": 0}]
+        written["textures"] = [{"source": 0}, {"extensions": {"KHR_texture_basisu": {"source": 1}}}]
         for material in written["materials"]:
-            material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+            index = int(material["name"] == "Hair")
+            material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": index}
 
     path = tmp_path / "hero.glb"
-    write_character(path, body, pieces(body))
+    head = body.mesh.faces[body.regions == REGIONS.index("head")]
+    write_character(path, body, [*pieces(body), Piece("Hair", "Hair", head, off=0.01)])
     rewritten(path, textured)
     MakeBody(out=tmp_path / "hero.npz", character=path, clothes=tmp_path / "clothes").run()
     written = tmp_path / "clothes" / "N00_Tops_CLOTH.obj"
-    assert f"{written}: " in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"{written}: " in said
+    assert said.count("  left out: textures in KTX2, which is not read") == 1
     hero = load_body(tmp_path / "hero.npz")
     worn = load_garment(str(written), hero)
     # The skin keeps its texture too, in the body's file and in what is written from it.
     MakeBody(out=tmp_path / "shown.glb", body=tmp_path / "hero.npz").run()
     shown = read_mesh(tmp_path / "shown.glb")
     for mesh, name in ((worn.mesh, "N00_Tops_CLOTH"), (shown, "N00_Body_SKIN")):
-        (material,) = polygons_of(mesh).materials
+        material = polygons_of(mesh).materials[0]
         assert material.name == name
         assert material.texture is not None
         assert material.texture.content == (tmp_path / "red.png").read_bytes()

@@ -49,6 +49,9 @@ DIFFUSION = 0.01
 NEIGHBOURS, SOFTENING = 12, 0.005
 """Nearest vertices whose displacements move a point, and metres that soften their inverse-square weights."""
 
+MOST_LISTED = 4
+"""Pictures that are named where some are left out."""
+
 EASE_TURNS, EASE_REACH = 6, 0.05
 """Iterations that restore a shell's distances from the skin, and metres up to which these are restored."""
 
@@ -69,6 +72,7 @@ class CharacterBody:
     def lines(self) -> list[str]:
         """Report of the meshes and of how well the surface fits, line by line."""
         appearance = self.body.appearance
+        missing = dict.fromkeys(appearance.mesh.polygons.missing if appearance else ())
         near = 1000.0 * self.off[region_vertices(self.body, CLOTHED)]
         return [
             f"{self.rigged.name}: {len(self.rigged.roles)} joints with a role, unit {self.rigged.unit}; "
@@ -77,7 +81,15 @@ class CharacterBody:
             f"  {len(appearance.mesh.vertices) if appearance else 0} vertices are shown; cloth collides with "
             f"a closed surface of {len(self.off)} vertices; its distance from the character's on trunk "
             f"and limbs: median {near.median():.1f} mm, 95 % below {near.quantile(0.95):.1f} mm",
+            *([f"  left out: {_listed(missing)}"] if missing else []),
         ]
+
+
+def _listed(names: Iterable[str]) -> str:
+    """The first names, and how many more there are."""
+    names = list(names)
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return ", ".join(names[:MOST_LISTED]) + more
 
 
 def body_from_character(
@@ -226,10 +238,11 @@ def _appearance(path: Path, parts: Sequence[Part]) -> Appearance:
     joined = join_meshes((mesh.vertices, mesh.faces) for mesh in meshes)
     textured = join_meshes((mesh.uvs, mesh.face_uvs) for mesh in meshes)
     uv_set = UvSet(textured.vertices.numpy().astype(np.float32), textured.faces.numpy().reshape(-1))
-    materials = {material.name: material for material in read_materials(path)}
-    polygons = polygons_of_parts("body", parts, joined.faces.numpy(), (uv_set,), materials)
+    materials, missing = read_materials(path)
+    named = {material.name: material for material in materials}
+    polygons = polygons_of_parts("body", parts, joined.faces.numpy(), (uv_set,), named)
     weights = torch.cat([part.weights for part in parts])
-    return Appearance(AuthoredMesh.of(joined.vertices, polygons), weights)
+    return Appearance(AuthoredMesh.of(joined.vertices, replace(polygons, missing=missing)), weights)
 
 
 def _with_uvs(path: Path, part: Part) -> Mesh:

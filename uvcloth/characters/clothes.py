@@ -32,7 +32,7 @@ def clothes_of(path: Path, parts: Sorted) -> Mapping[str, AuthoredMesh]:
         raise InputError(
             f"{path}: no mesh or material is named as clothes; --drop names those that are, of {known}"
         )
-    materials = {material.name: material for material in read_materials(path)}
+    materials = {material.name: material for material in read_materials(path)[0]}
     return {name: _garment(name, group, materials) for name, group in groups.items()}
 
 

@@ -25,14 +25,17 @@ LOOKS = (
 CLOTHES = (
     r"cloth(es|ing)?|outfit|tops?|bottoms?|shirts?|tshirt|blouse|jacket|coat|hood(ie|y)?|sweater|vest|dress|skirt|pants?|"
     r"trousers|jeans|shorts|suit|tie|scarf|sleeves?|gloves?|socks?|stockings?|shoes?|boots?|sneakers?|heels?|"
-    r"footwear|belt|cape|robe|accessor(y|ies)|onepiece"
+    r"footwear|belt|cape|robe|accessor(y|ies)|onepiece|[hf]uku"
 )
-"""The same for clothes."""
+"""The same for clothes; fuku is Japanese for them."""
 
 WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 
 NEEDED = {"torso": ("Hips", "LowerBack", "Spine", "Spine1"), "legs": ("UpLeg", "Leg"), "arms": ("Arm",)}
 """Areas that skin has to cover for clothes to be left out, as endings of the joints that move them."""
+
+HANGS = 0.25
+"""Share of the blend weights that are of spring bones from which on a part is clothes, whatever its names."""
 
 LEAST_SHARE = 0.35
 """Least share of skin in an area of skin and clothes that counts as covered by skin."""
@@ -52,7 +55,7 @@ class Sorted:
     def lines(self) -> list[str]:
         """Report of the use of each part, a line each."""
         return [
-            f"  {label(part)}: {len(part.mesh.faces)} faces, {fate}"
+            f"  {label(part)}: {len(part.mesh.faces)} faces, {fate}{_swing(part)}"
             for parts, fate in (
                 (self.surface, "cloth lies on it"),
                 (self.visible, "visible only"),
@@ -99,8 +102,12 @@ def label(part: Part) -> str:
     return part.name if part.material in ("", part.name) else f"{part.name} ({part.material})"
 
 
+def _swing(part: Part) -> str:
+    return "; it hangs from spring bones, --clothes makes it a garment" if part.hanging > HANGS else ""
+
+
 def is_clothing(part: Part) -> bool:
-    """True for a part that is clothes by the words in its names."""
+    """Test for a part that is clothes by the words in its names, or hangs as clothes do."""
     return _kind(part) == "clothes"
 
 
@@ -121,7 +128,16 @@ def _names(parts: Sequence[Part]) -> str:
 
 
 def _kind(part: Part) -> str:
-    """Kind of a part by the words in its names: first the material's, which says more, then the mesh's."""
+    """Kind of a part by the words in its names: first the material's, which says more, then the mesh's.
+
+    What is not visible only and hangs from spring bones is clothes.
+    """
+    kind = _named_kind(part)
+    return "clothes" if kind == "surface" and part.hanging > HANGS else kind
+
+
+def _named_kind(part: Part) -> str:
+    """Kind of a part by its names alone."""
     for name in (part.material, part.name):
         words = [word.lower() for word in WORD.findall(name)]
         if any(re.fullmatch(f"(?:{LOOKS})s?", word) or re.match("hair|eye", word) for word in words):

@@ -13,6 +13,7 @@ from uvcloth.errors import InputError
 from uvcloth.formats.gltf import SCENES, Gltf, one_line, read_gltf, require_few
 from uvcloth.formats.gltf_document import LARGEST
 from uvcloth.formats.gltf_rig import SkinJoints, chain, inverse_bind, read_rig, resting_worlds
+from uvcloth.formats.vrm import spring_nodes
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.roles import table_roles
 
@@ -28,13 +29,15 @@ class Part:
     """All faces of one material in one mesh of a character.
 
     name: of the mesh. material: its name, "" without one. mesh: V vertices in the bind pose, in the file's
-    scene. weights: (V, J) blend weights, rows sum to one.
+    scene. weights: (V, J) blend weights, rows sum to one. hanging: share of them that is of spring bones off
+    the head: of a skirt or a coat.
     """
 
     name: str
     material: str
     mesh: Mesh
     weights: Tensor
+    hanging: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -96,12 +99,15 @@ def _parts(file: Gltf, rig: SkinJoints, index: int) -> Iterable[Part]:
     mesh = file.entries("meshes")[node["mesh"]]
     name = one_line(node.get("name") or mesh.get("name") or f"mesh {node['mesh']}")
     number = {joint: place for place, joint in enumerate(rig.nodes)}
+    springs: set[int] = set()
     if "skin" in node:
         skin = file.entries("skins")[node["skin"]]
         places = [number.get(joint, -1) for joint in skin["joints"]]
         if max(places) < 0:
             return []
         to_bind = _to_bind(file, rig, skin, places)
+        nodes = spring_nodes(file)
+        springs = {place for place, joint in enumerate(skin["joints"]) if joint in nodes}
         # Weights of joints that the largest skin lacks go to their nearest ancestor in it.
         owners = [
             place
@@ -117,7 +123,7 @@ def _parts(file: Gltf, rig: SkinJoints, index: int) -> Iterable[Part]:
         to_bind = rig.bind[number[holder]] @ np.linalg.inv(rest[holder]) @ rest[index]
         owners = [number[holder]]
     return (
-        _part(file, name, primitive, to_bind, owners, len(rig.names))
+        _part(file, name, primitive, to_bind, owners, springs, len(rig.names))
         for primitive in mesh["primitives"]
         if primitive.get("mode", TRIANGLES) == TRIANGLES
     )
@@ -137,9 +143,13 @@ def _part(
     primitive: dict[str, Any],
     to_bind: np.ndarray,
     owners: list[int],
+    springs: set[int],
     joints: int,
 ) -> Part:
-    """Part from one primitive, with only the vertices that its faces use."""
+    """Part from one primitive, with only the vertices that its faces use.
+
+    owners: joint of each joint of the skin. springs: those of the skin's that are spring bones.
+    """
     attributes = primitive["attributes"]
     place = f"{file.path}: mesh {name}"
     if "POSITION" not in attributes:
@@ -166,11 +176,13 @@ def _part(
         ) * [1, -1] + [0, 1]
         face_uvs = faces
     _require_room(file, len(used), joints)
-    weights = np.zeros((len(used), joints), np.float32)
+    weights, swings = np.zeros((len(used), joints), np.float32), np.zeros(len(used), np.float32)
+    is_spring = np.isin(np.arange(len(owners)), list(springs))
     if "JOINTS_0" in attributes:
         for joints_of, values in _influences(file, name, attributes, len(points), len(owners)):
             rows = np.broadcast_to(np.arange(len(used))[:, None], (len(used), 4))
             np.add.at(weights, (rows, np.array(owners)[joints_of[used]]), values[used])
+            swings += (values[used] * is_spring[joints_of[used]]).sum(1)
     else:
         weights[:, owners[0]] = 1.0
     total = weights.sum(1)
@@ -188,6 +200,7 @@ def _part(
             torch.from_numpy(face_uvs),
         ),
         weights=torch.from_numpy(weights / weights.sum(1, keepdims=True)),
+        hanging=float(swings.sum() / weights.sum()) if len(used) else 0.0,
     )
 
 

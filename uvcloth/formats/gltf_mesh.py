@@ -21,6 +21,9 @@ SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
 KTX2 = "KHR_texture_basisu"
 """Extension of textures that are KTX2 files."""
 
+UNREAD = "textures in KTX2, which is not read: `gltf-transform ktxdecompress` converts them to PNG"
+"""What a person is told of them."""
+
 TRIANGLES = 4
 """The mode of primitives that are triangles."""
 
@@ -80,12 +83,13 @@ def read_gltf_mesh(path: Path) -> AuthoredMesh:
     return AuthoredMesh.of(torch.from_numpy(np.concatenate([part.vertices for part in parts])), polygons)
 
 
-def read_materials(path: Path) -> tuple[SurfaceMaterial, ...]:
+def read_materials(path: Path) -> tuple[tuple[SurfaceMaterial, ...], tuple[str, ...]]:
     """Read the materials of a .glb, .gltf or .vrm, with textures on the first set of texture coordinates.
 
-    Raises InputError for a file that is not valid.
+    Returns also names of the pictures that are missing or not read. Raises InputError for a file that is not
+    valid.
     """
-    return _materials(read_gltf(path), 1)[0]
+    return _materials(read_gltf(path), 1)
 
 
 def _placed(gltf: Gltf) -> list[tuple[dict[str, Any], np.ndarray]]:
@@ -180,15 +184,12 @@ def _materials(gltf: Gltf, sets: int) -> tuple[tuple[SurfaceMaterial, ...], tupl
             uv_set = rough["baseColorTexture"].get("texCoord", 0)
             picture = gltf.entries("textures")[rough["baseColorTexture"]["index"]]
             source = picture.get("source")
-            if source is None and KTX2 in picture.get("extensions", {}):
-                raise InputError(
-                    f"{gltf.path}: its textures are KTX2 ({KTX2}), which is not read: convert them to PNG "
-                    "first, as in `gltf-transform ktxdecompress coat.glb plain.glb`"
-                )
             if source is not None and source not in textures:
                 textures[source] = _texture(gltf, pictures, source)
             texture = textures[source] if source is not None and uv_set < sets else None
-            if texture is None:
+            if source is None and KTX2 in picture.get("extensions", {}):
+                missing.append(UNREAD)
+            elif texture is None:
                 missing.append(f"the picture of material {one_line(entry.get('name', index))}")
         color = (red ** (1 / 2.2), green ** (1 / 2.2), blue ** (1 / 2.2), alpha)
         label = one_line(entry.get("name", f"material_{index}"))

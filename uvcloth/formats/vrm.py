@@ -1,9 +1,11 @@
-"""Tables of human bones in VRM files: which node of the skeleton is which bone of a person.
+"""VRM files: which node of the skeleton is which bone of a person, and which nodes are spring bones.
 
-VRM 0.x keeps a list in the extension VRM, VRM 1.0 an object in VRMC_vrm, both under humanoid.humanBones.
+VRM 0.x keeps the human bones in a list in the extension VRM, VRM 1.0 in an object in VRMC_vrm, both under
+humanoid.humanBones. Spring bones are chains below the roots in VRM's secondaryAnimation.boneGroups, or the
+joints in VRMC_springBone's springs.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from uvcloth.errors import InputError
@@ -25,6 +27,43 @@ def human_bones(file: Gltf) -> dict[int, str]:
             raise _damaged(file, f"node {node} is both {bones[node]:.40} and {bone:.40}")
         bones[node] = bone
     return bones
+
+
+def spring_nodes(file: Gltf) -> set[int]:
+    """Nodes of a VRM file that spring bones move, but those on its head: hair and ears are no cloth.
+
+    A damaged list of spring bones counts as none.
+    """
+    bones = human_bones(file)
+    springs = set(_spring_bones(file.document.get("extensions", {})))
+    hanging = set()
+    for node in range(len(file.entries("nodes"))):
+        above = (node, *_chain(node, file.above))
+        if springs.intersection(above) and "head" not in {bones.get(each) for each in above}:
+            hanging.add(node)
+    return hanging
+
+
+def _spring_bones(extensions: Any) -> Iterator[int]:
+    """Nodes that the lists of spring bones name."""
+    for path in (("VRM", "secondaryAnimation", "boneGroups"), ("VRMC_springBone", "springs")):
+        groups: Any = extensions
+        for key in path:
+            groups = groups.get(key) if isinstance(groups, dict) else None
+        for group in groups if isinstance(groups, list) else ():
+            for key in ("bones", "joints"):
+                named = group.get(key) if isinstance(group, dict) else None
+                for bone in named if isinstance(named, list) else ():
+                    node = bone.get("node") if isinstance(bone, dict) else bone
+                    if isinstance(node, int):
+                        yield node
+
+
+def _chain(node: int, above: Mapping[int, int]) -> Iterator[int]:
+    """Ancestors of a node, the nearest first."""
+    while node in above:
+        node = above[node]
+        yield node
 
 
 def _table(file: Gltf) -> Iterator[tuple[str, Any]]:

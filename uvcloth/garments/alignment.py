@@ -41,7 +41,7 @@ CLOTHED = ("torso", "upper_arm", "thigh")
 
 SIDES = ("left", "right")
 
-ARMS = (0.0, 20.0, 45.0, 65.0)
+ARMS = (0.0, 20.0, 45.0, 65.0, 80.0)
 """Degrees below the horizontal at which straight arms are tried, besides the rest pose."""
 
 LEGS = (-2.0, 2.0, 8.0, 14.0)
@@ -58,6 +58,11 @@ HEIGHTS = (-0.48, 0.24, 13)
 
 RANKED, REFINED = 500, 8
 """Starts whose cloth is compared with the skin, and those that are refined."""
+
+STANCES_REFINED = {"arms": 6, "legs": 2}
+"""Poses of limbs that are refined, the cheapest at the place of the start: sleeves beside the arms may be
+cheap there.
+"""
 
 SAMPLES, BEST, ROUNDS = 24, 6, 7
 """Samples, those of them that move the mean, and rounds of a refinement."""
@@ -94,9 +99,14 @@ HELD = 0.4
 SIDE_COST = 0.5
 """Metres added to the misfit for each metre that the centre of the cloth is beside the body's."""
 
-TURN_COST, SKEW_COST = 0.01, 0.0004
+TURN_COST, SKEW_COST = 0.004, 0.0004
 """Metres added to the misfit for a garment that faces another way than files usually do, and for each degree
 between its heading and an axis, up to 10.
+"""
+
+TILT_COST, TILT = 0.01, 0.1
+"""Metres added to the misfit where the uppermost opening leans backwards, and the sine of the angle from
+which on all of them are: necklines and waistbands are lower in front.
 """
 
 STANCE_COST = 0.003
@@ -154,6 +164,16 @@ class Alignment:
         shift = " ".join(f"{each:.3f}" for each in self.shift)
         done = f"{self.up} up, shift {shift} m, scale {self.scale:.4g}, turn {self.turn:.0f} degrees"
         return ", ".join(filter(None, (done, self.stance.text())))
+
+
+@dataclass(frozen=True)
+class Lying:
+    """Misfit of a garment at rest, m, see `align`; off_limbs: the part of it for openings that do not go
+    around bones.
+    """
+
+    misfit: float
+    off_limbs: float
 
 
 @dataclass(frozen=True)
@@ -259,7 +279,18 @@ class Comparison:
         ratio = (places.scale.log()[:, None] - units).abs().amin(1)
         size = (SIZE_COST * (ratio - PERSON).clamp(min=0.0)).clamp(max=MOST_SIZE_COST)
         size = size + PERSON_COST * ratio.clamp(max=PERSON)
-        return size + TURN_COST * (places.turn.abs() > 45.0) + SKEW_COST * self.skew(places)
+        heading = TURN_COST * (places.turn.abs() > 45.0) + SKEW_COST * self.skew(places)
+        return size + heading + self._leaning(places)
+
+    def _leaning(self, places: Places) -> Tensor:
+        """Metres (K,) for an uppermost opening that leans backwards."""
+        if not len(self.boundaries.radii):
+            return torch.zeros(len(places.up))
+        frames = self.frames(places)
+        heights = torch.einsum("kj,lj->kl", frames[:, 2], self.boundaries.centres)
+        axes = torch.einsum("kij,kj->ki", frames, self.boundaries.axes[heights.argmax(1)])
+        backwards = axes[:, 1] * axes[:, 2].sign()
+        return TILT_COST * (backwards / TILT).clamp(0.0, 1.0)
 
     def skew(self, places: Places) -> Tensor:
         """Degrees (K,) between the heading and an axis, at most 10."""
@@ -320,6 +351,16 @@ class Comparison:
         x, y, z = (place.shift[0] - place.scale * (self.frames(place)[0] @ self.centre.float())).tolist()
         turn = (float(place.turn) + 180.0) % 360.0 - 180.0
         return Alignment(list(UPS)[int(place.up)], turn, float(place.scale), (x, y, z), stance, misfit)
+
+
+def lying(mesh: Mesh, body: Body) -> Lying:
+    """Measure how a garment in metres lies on a body at rest."""
+    comparison, standing = Comparison(mesh, body), Standing(body, REST)
+    upright, centre = torch.tensor([list(UPS).index("Z")]), comparison.centre.float()
+    here = Places(upright, torch.zeros(1), torch.ones(1), centre[None])
+    return Lying(
+        float(comparison.misfit(here, standing, POINTS)), float(comparison.opening_cost(here, standing))
+    )
 
 
 def stances(body: Body) -> list[Stance]:
@@ -411,14 +452,14 @@ def _best_stance(
 ) -> Alignment:
     """The stance that fits best: arms first, then legs, each refined where it starts well."""
     best = start
-    for part in ("arms", "legs"):
+    for part in STANCES_REFINED:
         others = [
             each
             for each in standing.values()
             if replace(each.stance, **{part: None}) == replace(best.standing.stance, **{part: None})
         ]
         costs = [float(comparison.cost(best.place, each, POINTS)) for each in others]
-        order = sorted(range(len(others)), key=costs.__getitem__)[:2]
+        order = sorted(range(len(others)), key=costs.__getitem__)[: STANCES_REFINED[part]]
         tried = [_refined(comparison, best.place, others[index], known, POINTS, 0.4) for index in order]
         best = min([best, *tried], key=lambda each: each.cost)
     misfit = float(comparison.misfit(best.place, best.standing, POINTS))

@@ -11,7 +11,7 @@ from rasterize.raycast import cast_rays, closest_points, garment_to_body
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.errors import InputError
 from uvcloth.formats.mesh_file import read_mesh
-from uvcloth.garments.alignment import UNKNOWN, Known, align
+from uvcloth.garments.alignment import UNKNOWN, Known, align, lying
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.diagnose import Diagnosis, diagnose
 from uvcloth.garments.garment import Garment
@@ -36,8 +36,17 @@ WAIST_HEIGHT = 0.3
 """Height of the waist, as a fraction of the trunk from crotch to neck."""
 
 
-LIES_BADLY = 0.075
-"""Misfit of an alignment, m, above which it is wrong: garments of other bodies have up to 0.068."""
+LIES_BADLY = 0.09
+"""Misfit of an alignment, m, above which it is wrong: garments of other bodies have up to 0.089."""
+
+OFF_LIMBS = 0.005
+"""Metres of the misfit for openings that do not go around limbs from which on an alignment is tried too."""
+
+MOST_INSIDE = 0.05
+"""Share of the vertices inside the skin from which on too."""
+
+BETTER = 0.8
+"""Share of the misfit below which the alignment is preferred."""
 
 MOST_STRETCHED = 0.18
 """Share of its length by which 95 % of the edges may differ once a garment is settled."""
@@ -146,7 +155,7 @@ def _unwrapped(path: Path, mesh: Mesh, diagnosis: Diagnosis, hides: Tensor) -> P
 def _usual(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diagnosis]:
     """A mesh on the rest pose: in a usual frame of reference if it lies well there, otherwise aligned."""
     try:
-        return _in_pose(path, mesh, body, how.pose) if how.pose else _in_any_pose(path, mesh, body)
+        usual = _in_pose(path, mesh, body, how.pose) if how.pose else _in_any_pose(path, mesh, body)
     except UnwearableError as error:
         if error.anywhere:
             raise
@@ -154,6 +163,14 @@ def _usual(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diag
             return _aligned(path, mesh, body, how)
         except UnwearableError:
             raise error from None
+    lies = lying(usual[0], body)
+    if lies.off_limbs < OFF_LIMBS and usual[1].inside_share < MOST_INSIDE:
+        return usual
+    try:
+        aligned = _aligned(path, mesh, body, how)
+    except UnwearableError:
+        return usual
+    return aligned if lying(aligned[0], body).misfit < BETTER * lies.misfit else usual
 
 
 def _in_any_pose(path: Path, mesh: Mesh, body: Body) -> tuple[Mesh, Diagnosis]:
