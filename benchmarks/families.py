@@ -140,11 +140,9 @@ class Families:
         how = PLAIN
         if self.from_body:
             how = Fitting(from_body=written(on_another_mesh(made.body), self.out / f"{path.stem}_body.obj"))
-        metric = [replace(mesh, vertices=mesh.vertices * made.unit) for mesh in (made.body, made.garment)]
-        upright = [
-            replace(mesh, vertices=mesh.vertices @ torch.tensor(FAMILIES[family].axes)) for mesh in metric
-        ]
-        views = [view(*upright)]
+        axes = made.unit * torch.tensor(FAMILIES[family].axes)
+        there, worn = (replace(mesh, vertices=mesh.vertices @ axes) for mesh in (made.body, made.garment))
+        views = [view(there, worn)]
         begun = time.process_time()
         try:
             fitted = fit(path, body, how=how)
@@ -195,7 +193,8 @@ def percent(mask: Tensor) -> float:
 
 def rolled_out(row: Row, garment: Garment, body: Body) -> tuple[Row, list[np.ndarray]]:
     """The row with the figures of a garment in motion, and a picture of each clip's worst frame."""
-    outfit, pictures = Outfit(body, (garment,)), []
+    outfit = Outfit(body, (garment,))
+    pictures: list[np.ndarray] = []
     exposure, rings = Exposure(body, [garment.mesh]), Rings(garment.mesh, body)
     faces = weld(garment.mesh.vertices)[garment.mesh.faces]
     skin, crossing, held, slips = [], [], [], []

@@ -26,7 +26,7 @@ from uvcloth.characters.rig import RiggedCharacter, rig_character
 from uvcloth.characters.shape import SkinnedSurface, rough_fit
 from uvcloth.errors import InputError
 from uvcloth.formats.gltf_mesh import read_materials
-from uvcloth.geometry.authored import AuthoredMesh, UvSet
+from uvcloth.geometry.authored import AuthoredMesh, UvSet, polygons_of
 from uvcloth.geometry.mesh import Mesh, join_meshes, neighbour_average
 from uvcloth.geometry.skinning import diffuse_weights, skin
 from uvcloth.physics.surface import BodySurface
@@ -72,7 +72,7 @@ class CharacterBody:
     def lines(self) -> list[str]:
         """Report of the meshes and of how well the surface fits, line by line."""
         appearance = self.body.appearance
-        missing = dict.fromkeys(appearance.mesh.polygons.missing if appearance else ())
+        missing = dict.fromkeys(polygons_of(appearance.mesh).missing if appearance else ())
         near = 1000.0 * self.off[region_vertices(self.body, CLOTHED)]
         return [
             f"{self.rigged.name}: {len(self.rigged.roles)} joints with a role, unit {self.rigged.unit}; "
