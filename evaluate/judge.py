@@ -9,6 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+import rasterize
+import uvcloth
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
 from uvcloth.dataset.clip import content_hash
 from uvcloth.garments.garment import Garment
@@ -45,29 +47,27 @@ ENCODED_AT_ONCE = 16
 """Frames that are written in a method's representation at the same time: bounds the memory of large maps."""
 
 JUDGING = (
-    "rasterize",
-    "uvcloth",
-    "evaluate/metrics.py",
-    "evaluate/surface.py",
-    "evaluate/swing_bands.py",
-    "evaluate/wrinkles.py",
-    "evaluate/hem.py",
-    "evaluate/after_stop.py",
-    "evaluate/force_balance.py",
-    "evaluate/continuity.py",
-    "evaluate/looks.py",
-    "evaluate/maps.py",
-    "evaluate/body_scores.py",
-    "evaluate/pixels.py",
-    "evaluate/stability.py",
-    "evaluate/case.py",
-    "evaluate/selection.py",
-    "evaluate/judge.py",
-    "evaluate/predicted.py",
-    "evaluate/predicted_file.py",
-    "evaluate/recorded.py",
+    "metrics.py",
+    "surface.py",
+    "swing_bands.py",
+    "wrinkles.py",
+    "hem.py",
+    "after_stop.py",
+    "force_balance.py",
+    "continuity.py",
+    "looks.py",
+    "maps.py",
+    "body_scores.py",
+    "pixels.py",
+    "stability.py",
+    "case.py",
+    "selection.py",
+    "judge.py",
+    "predicted.py",
+    "predicted_file.py",
+    "recorded.py",
 )
-"""The sources and data that decide a score."""
+"""The sources in this folder that decide a score, besides those of rasterize and uvcloth."""
 
 Scores = Mapping[str, Tensor]
 """By measure, F values (swing F - 1, jitter F - 2), fewer of measures that are sampled."""
@@ -273,13 +273,14 @@ def _prefix(part: int) -> str:
 
 def code_fingerprint() -> str:
     """Hash of the sources and data that decide a score: kept results of other code are not reused."""
-    root = Path(__file__).resolve().parent.parent
     contents: list[str | bytes] = []
-    for name in JUDGING:
-        place = root / name
-        inside = [*place.rglob("*.py"), *place.rglob("*.npz")]
-        for path in sorted(inside) if place.is_dir() else [place]:
-            contents += [str(path.relative_to(root)), path.read_bytes()]
+    for package in (rasterize, uvcloth):
+        folder = Path(package.__file__).parent
+        for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.npz")]):
+            contents += [path.relative_to(folder.parent).as_posix(), path.read_bytes()]
+    # In a checkout this folder lies beside the packages, once installed inside one of them.
+    for path in (Path(__file__).with_name(name) for name in JUDGING):
+        contents += [path.name, path.read_bytes()]
     return fingerprint(*contents)
 
 
