@@ -1,4 +1,4 @@
-"""Garments in the conventions of eight families of bodies: each fitted, rolled out and judged by figures.
+"""Garments in the conventions of seven families of bodies: each fitted, rolled out and judged by figures.
 
 Run from the checkout with PYTHONPATH=. as
 

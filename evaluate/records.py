@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
+import rasterize
+import uvcloth
 from uvcloth.dataset.clip import content_hash
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.fingerprint import fingerprint
@@ -21,30 +23,28 @@ from .predicted import Prediction, judge_prediction
 SCORES_FORMAT = "uvcloth-judged-10"
 
 JUDGING = (
-    "rasterize",
-    "uvcloth",
-    "evaluate/metrics.py",
-    "evaluate/surface.py",
-    "evaluate/swing_bands.py",
-    "evaluate/wrinkles.py",
-    "evaluate/hem.py",
-    "evaluate/after_stop.py",
-    "evaluate/force_balance.py",
-    "evaluate/continuity.py",
-    "evaluate/looks.py",
-    "evaluate/maps.py",
-    "evaluate/body_scores.py",
-    "evaluate/pixels.py",
-    "evaluate/stability.py",
-    "evaluate/case.py",
-    "evaluate/selection.py",
-    "evaluate/judge.py",
-    "evaluate/predicted.py",
-    "evaluate/predicted_file.py",
-    "evaluate/recorded.py",
-    "evaluate/records.py",
+    "metrics.py",
+    "surface.py",
+    "swing_bands.py",
+    "wrinkles.py",
+    "hem.py",
+    "after_stop.py",
+    "force_balance.py",
+    "continuity.py",
+    "looks.py",
+    "maps.py",
+    "body_scores.py",
+    "pixels.py",
+    "stability.py",
+    "case.py",
+    "selection.py",
+    "judge.py",
+    "predicted.py",
+    "predicted_file.py",
+    "recorded.py",
+    "records.py",
 )
-"""The sources and data that decide a score."""
+"""The sources in this folder that decide a score, besides those of rasterize and uvcloth."""
 
 
 @dataclass(frozen=True)
@@ -119,13 +119,14 @@ def _prefix(part: int) -> str:
 
 def code_fingerprint() -> str:
     """Hash of the sources and data that decide a score: kept results of other code are not reused."""
-    root = Path(__file__).resolve().parent.parent
     contents: list[str | bytes] = []
-    for name in JUDGING:
-        place = root / name
-        inside = [*place.rglob("*.py"), *place.rglob("*.npz")]
-        for path in sorted(inside) if place.is_dir() else [place]:
-            contents += [str(path.relative_to(root)), path.read_bytes()]
+    for package in (rasterize, uvcloth):
+        folder = Path(str(package.__file__)).parent
+        for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.npz")]):
+            contents += [path.relative_to(folder.parent).as_posix(), path.read_bytes()]
+    # In a checkout this folder lies beside the packages, once installed inside one of them.
+    for path in (Path(__file__).with_name(name) for name in JUDGING):
+        contents += [path.name, path.read_bytes()]
     return fingerprint(*contents)
 
 

@@ -118,7 +118,7 @@ def test_what_hangs_from_spring_bones_is_clothes(body: Body, tmp_path: Path, ver
             written["extensions"]["VRMC_springBone"] = {"springs": [{"joints": joints}]}
 
     character = read_character(rewritten(path, springs))
-    skin, skirt, hair = (part.hanging for part in character.parts)
+    skin, skirt, hair = (part.spring_share for part in character.parts)
     assert 0.0 < skin < 0.25
     assert skirt > 0.9
     assert hair == 0.0

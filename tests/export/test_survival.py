@@ -1,5 +1,6 @@
 """What survives of a file: polygons, groups, materials, textures, vertex colours and UV sets, read back."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from uvcloth.export.usd import write_usd
 from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.files.image import write_png
 from uvcloth.formats.mesh_file import read_mesh
-from uvcloth.geometry.authored import AuthoredMesh, UvSet, follow_triangles, part_of
+from uvcloth.geometry.authored import AuthoredMesh, Labels, UvSet, follow_triangles, part_of
 from uvcloth.methods.rig import PoseRig
 
 FACES = """o front
@@ -107,7 +108,7 @@ def test_an_obj_comes_back_line_by_line(drawn: AuthoredMesh, tmp_path: Path) -> 
             for path in (tmp_path / "out.obj", tmp_path / "in" / "vest.obj")
         ]
         np.testing.assert_allclose(*numbers, atol=1e-6)
-    assert "mtllib out.mtl" in (tmp_path / "out.obj").read_text()
+    assert (tmp_path / "out.obj").read_text().startswith("# metres, Z up\nmtllib out.mtl\n")
     assert lines(tmp_path / "out.mtl", "Kd", "d", "map_Kd") == [
         "Kd 1 1 1",
         "d 1",
@@ -119,7 +120,8 @@ def test_an_obj_comes_back_line_by_line(drawn: AuthoredMesh, tmp_path: Path) -> 
 
 
 def test_an_obj_sequence_is_a_file_per_frame(drawn: AuthoredMesh, tmp_path: Path) -> None:
-    write_obj_sequence(moving(drawn), tmp_path / "walk.obj")
+    some = replace(drawn.polygons, groups=Labels(("panel", "collar"), np.array([0, 0, 1, -1])))
+    write_obj_sequence(moving(AuthoredMesh.of(drawn.vertices, some)), tmp_path / "walk.obj")
     assert sorted(path.name for path in tmp_path.glob("walk*")) == [
         "walk.mtl",
         "walk_00000.obj",
@@ -133,6 +135,9 @@ def test_an_obj_sequence_is_a_file_per_frame(drawn: AuthoredMesh, tmp_path: Path
         torch.testing.assert_close(read.vertices.float(), drawn.vertices + 0.5 * frame, atol=1e-5, rtol=0)
         assert isinstance(read, AuthoredMesh)
         assert [material.texture is not None for material in read.polygons.materials] == [True, False]
+        groups = read.polygons.groups
+        assert [groups.names[label] for label in groups.of] == ["panel", "panel", "collar", "vest"]
+        assert {len(line.split()) for line in lines(path, "v")} == {1 + 3 + 3}
 
 
 def test_a_glb_has_materials_pictures_colours_and_all_uv_sets(drawn: AuthoredMesh, tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ def label(part: Part) -> str:
 
 
 def _swing(part: Part) -> str:
-    return "; it hangs from spring bones, --clothes makes it a garment" if part.hanging > HANGS else ""
+    return "; it hangs from spring bones, --clothes makes it a garment" if part.spring_share > HANGS else ""
 
 
 def is_clothing(part: Part) -> bool:
@@ -133,7 +133,7 @@ def _kind(part: Part) -> str:
     What is not visible only and hangs from spring bones is clothes.
     """
     kind = _named_kind(part)
-    return "clothes" if kind == "surface" and part.hanging > HANGS else kind
+    return "clothes" if kind == "surface" and part.spring_share > HANGS else kind
 
 
 def _named_kind(part: Part) -> str:

@@ -29,7 +29,7 @@ class Part:
     """All faces of one material in one mesh of a character.
 
     name: of the mesh. material: its name, "" without one. mesh: V vertices in the bind pose, in the file's
-    scene. weights: (V, J) blend weights, rows sum to one. hanging: share of them that is of spring bones off
+    scene. weights: (V, J) blend weights, rows sum to one. spring_share: that of spring bones off
     the head: of a skirt or a coat.
     """
 
@@ -37,7 +37,7 @@ class Part:
     material: str
     mesh: Mesh
     weights: Tensor
-    hanging: float = 0.0
+    spring_share: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ def _part(
             torch.from_numpy(face_uvs),
         ),
         weights=torch.from_numpy(weights / weights.sum(1, keepdims=True)),
-        hanging=float(swings.sum() / weights.sum()) if len(used) else 0.0,
+        spring_share=float(swings.sum() / weights.sum()) if len(used) else 0.0,
     )
 
 

@@ -36,12 +36,12 @@ def spring_nodes(file: Gltf) -> set[int]:
     """
     bones = human_bones(file)
     springs = set(_spring_bones(file.document.get("extensions", {})))
-    hanging = set()
+    swinging = set()
     for node in range(len(file.entries("nodes"))):
         above = (node, *_chain(node, file.above))
         if springs.intersection(above) and "head" not in {bones.get(each) for each in above}:
-            hanging.add(node)
-    return hanging
+            swinging.add(node)
+    return swinging
 
 
 def _spring_bones(extensions: Any) -> Iterator[int]:
