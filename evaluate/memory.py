@@ -1,6 +1,8 @@
 """Memory of a rollout: the growth of a process that does nothing else."""
 
 import gc
+import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -21,8 +23,6 @@ from .selection import Cases
 MEMORY_FRAMES = 30
 """Frames of a rollout, from the first on, whose memory is measured."""
 
-STATUS = Path("/proc/self/status")
-
 
 def rollout_memory(candidates: Sequence[Candidate], cases: Cases) -> dict[str, dict[str, float]]:
     """Peak memory, MB, of preparing and rolling out each method, by name, on each outfit, by name.
@@ -30,7 +30,7 @@ def rollout_memory(candidates: Sequence[Candidate], cases: Cases) -> dict[str, d
     Body, garment, weights and libraries that are loaded before are not in it. Empty where the system does not
     tell (it is Linux that does).
     """
-    if not STATUS.exists():
+    if sys.platform != "linux":
         return {}
     dressing = assigned(candidates, cases.outfits, cases.data)
     first = {opener.outfit: opener for opener in reversed(cases.openers)}
@@ -74,6 +74,9 @@ def _measure(job: _Job) -> tuple[str, str, float]:
 
 
 def _megabytes(field: str) -> float:
-    """VmRSS, the memory of this process, or VmHWM, the most that it ever was."""
-    lines = dict(line.split(":", 1) for line in STATUS.read_text(encoding="utf-8").splitlines())
-    return int(lines[field].split()[0]) / 1024
+    """VmRSS, the memory of this process, or VmHWM, the most that it ever was; not a number off Linux."""
+    if sys.platform == "linux":
+        status = Path("/proc/self/status").read_text(encoding="utf-8")
+        lines = dict(line.split(":", 1) for line in status.splitlines())
+        return int(lines[field].split()[0]) / 1024
+    return math.nan
