@@ -12,7 +12,6 @@ same poses among the first 1,000, mean over all vertices; beside it the same of 
 repeat of the walk, in which the garments swing into it, does not count.
 """
 
-import math
 import tempfile
 import time
 from collections.abc import Iterator
@@ -27,6 +26,7 @@ from rich.progress import track
 from rich.table import Table
 from torch import Tensor
 
+from evaluate.memory import process_megabytes
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
@@ -163,11 +163,7 @@ def drifting_roots(motion: Tensor, body: Body, fps: float) -> Iterator[Tensor]:
 
 def anonymous_memory() -> float:
     """Memory of this process in MB that is not backed by files (Linux); not a number elsewhere."""
-    status = Path("/proc/self/status")
-    if not status.exists():
-        return math.nan
-    lines = dict(line.split(":", 1) for line in status.read_text(encoding="utf-8").splitlines())
-    return int(lines["RssAnon"].split()[0]) / 1024
+    return process_megabytes("RssAnon")
 
 
 if __name__ == "__main__":

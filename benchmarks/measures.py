@@ -378,8 +378,8 @@ def turned() -> Panel:
     return Panel("Turned scene", lines, [f"always 3 mm to the east: {apart:.2f} mm"])
 
 
-def floors() -> Panel:
-    """A wave that is read back from every fifth of its points, and two simulations 4 mm apart."""
+def represented() -> Panel:
+    """A wave that is read back from every twentieth of its points."""
     places = np.arange(0, 401)
     wave = 10.0 * np.sin(places / 20.0)
     kept = places[::20]
@@ -393,7 +393,7 @@ def floors() -> Panel:
 def panels() -> list[Panel]:
     """All of them."""
     made = (
-        distances, mapped, chance, floors, halved, delayed, banded, stopped, jittered, popping, turned,
+        distances, mapped, chance, represented, halved, delayed, banded, stopped, jittered, popping, turned,
         unbalanced, wrinkled, hemmed, stretched, bent, crossed, inside,
     )  # fmt: skip
     return [*(make() for make in made), *pixels()]

@@ -66,15 +66,18 @@ class _Job:
 def _measure(job: _Job) -> tuple[str, str, float]:
     torch.set_num_threads(1)
     gc.collect()
-    before = _megabytes("VmRSS")
+    before = process_megabytes("VmRSS")
     prepared = prepare_rollout(job.method, job.outfit)
     for _ in islice(prepared.frames(job.motion, job.fps), len(job.motion)):
         continue
-    return job.name, job.outfit_name, _megabytes("VmHWM") - before
+    return job.name, job.outfit_name, process_megabytes("VmHWM") - before
 
 
-def _megabytes(field: str) -> float:
-    """VmRSS, the memory of this process, or VmHWM, the most that it ever was; not a number off Linux."""
+def process_megabytes(field: str) -> float:
+    """Memory of this process, MB, by its name in /proc/self/status; not a number elsewhere than on Linux.
+
+    VmRSS: all of it. VmHWM: the most that it ever was. RssAnon: what is not backed by files.
+    """
     if sys.platform == "linux":
         status = Path("/proc/self/status").read_text(encoding="utf-8")
         lines = dict(line.split(":", 1) for line in status.splitlines())

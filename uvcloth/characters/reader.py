@@ -73,10 +73,11 @@ def read_character(path: Path) -> Character:
     if skin is None:
         raise InputError(f"{file.path}: has no skin: its meshes are not bound to a skeleton, rig it first")
     rig = read_rig(file, skin)
+    springs = spring_nodes(file)
     parts: list[Part] = []
     vertices = 0
     for index, node in enumerate(file.entries("nodes")):
-        for part in _parts(file, rig, index) if "mesh" in node else ():
+        for part in _parts(file, rig, index, springs) if "mesh" in node else ():
             parts.append(part)
             require_few(file.path, len(parts))
             vertices += len(part.mesh.vertices)
@@ -93,21 +94,23 @@ def _require_room(file: Gltf, vertices: int, joints: int) -> None:
         raise InputError(f"{file.path}: has more than {most:,} vertices, the limit for {joints} joints")
 
 
-def _parts(file: Gltf, rig: SkinJoints, index: int) -> Iterable[Part]:
-    """Parts of a node's mesh, one after the other; none if the skeleton does not move it."""
+def _parts(file: Gltf, rig: SkinJoints, index: int, springs: set[int]) -> Iterable[Part]:
+    """Parts of a node's mesh, one after the other; none if the skeleton does not move it.
+
+    springs: nodes that spring bones move.
+    """
     node = file.entries("nodes")[index]
     mesh = file.entries("meshes")[node["mesh"]]
     name = one_line(node.get("name") or mesh.get("name") or f"mesh {node['mesh']}")
     number = {joint: place for place, joint in enumerate(rig.nodes)}
-    springs: set[int] = set()
+    is_spring = [False]
     if "skin" in node:
         skin = file.entries("skins")[node["skin"]]
         places = [number.get(joint, -1) for joint in skin["joints"]]
         if max(places) < 0:
             return []
         to_bind = _to_bind(file, rig, skin, places)
-        nodes = spring_nodes(file)
-        springs = {place for place, joint in enumerate(skin["joints"]) if joint in nodes}
+        is_spring = [joint in springs for joint in skin["joints"]]
         # Weights of joints that the largest skin lacks go to their nearest ancestor in it.
         owners = [
             place
@@ -123,7 +126,7 @@ def _parts(file: Gltf, rig: SkinJoints, index: int) -> Iterable[Part]:
         to_bind = rig.bind[number[holder]] @ np.linalg.inv(rest[holder]) @ rest[index]
         owners = [number[holder]]
     return (
-        _part(file, name, primitive, to_bind, owners, springs, len(rig.names))
+        _part(file, name, primitive, to_bind, owners, is_spring, len(rig.names))
         for primitive in mesh["primitives"]
         if primitive.get("mode", TRIANGLES) == TRIANGLES
     )
@@ -143,12 +146,12 @@ def _part(
     primitive: dict[str, Any],
     to_bind: np.ndarray,
     owners: list[int],
-    springs: set[int],
+    is_spring: list[bool],
     joints: int,
 ) -> Part:
     """Part from one primitive, with only the vertices that its faces use.
 
-    owners: joint of each joint of the skin. springs: those of the skin's that are spring bones.
+    owners: joint of each joint of the skin. is_spring: True for those that spring bones move.
     """
     attributes = primitive["attributes"]
     place = f"{file.path}: mesh {name}"
@@ -177,12 +180,11 @@ def _part(
         face_uvs = faces
     _require_room(file, len(used), joints)
     weights, swings = np.zeros((len(used), joints), np.float32), np.zeros(len(used), np.float32)
-    is_spring = np.isin(np.arange(len(owners)), list(springs))
     if "JOINTS_0" in attributes:
         for joints_of, values in _influences(file, name, attributes, len(points), len(owners)):
             rows = np.broadcast_to(np.arange(len(used))[:, None], (len(used), 4))
             np.add.at(weights, (rows, np.array(owners)[joints_of[used]]), values[used])
-            swings += (values[used] * is_spring[joints_of[used]]).sum(1)
+            swings += (values[used] * np.array(is_spring)[joints_of[used]]).sum(1)
     else:
         weights[:, owners[0]] = 1.0
     total = weights.sum(1)
