@@ -5,13 +5,16 @@ Run from the checkout as
     python -m train.recurrent.cage_runs DATA --garment dress --windows index.csv --clips-from mocap --runs 300
 
 beside a training on DATA: each run is a file, which the training takes in when it validates next. Clips of
-the index's split `validation` come first, into DATA/validation.
+the index's split `validation` come first, into DATA/validation, on one body and of jersey. With `--bodies`
+half of the runs are on one of these instead, and with `--fabrics` half of a fabric drawn at random.
 """
 
+import math
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
@@ -29,15 +32,20 @@ from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.atomic import make_folder
 from uvcloth.files.fields import check_fields, numbers, text
 from uvcloth.files.options import AtLeast
-from uvcloth.garments.cage import QUALITIES
-from uvcloth.garments.garment import Outfit
+from uvcloth.garments.cage import QUALITIES, Cage, kept_cage
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_garment
+from uvcloth.geometry.mesh import welded
+from uvcloth.geometry.rotations import rotate
+from uvcloth.geometry.skinning import blend_transforms
 from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, dressed, make_caged_outfit, next_frame
+from uvcloth.methods.recurrent.condition import condition
+from uvcloth.physics.fabric import JERSEY, Fabric
 from uvcloth.process.command import run_command
 
 from .motions import FPS, Motions
 
-RUN_FORMAT = "uvcloth-cage-run-1"
+RUN_FORMAT = "uvcloth-cage-run-2"
 
 FIELDS = {
     "garment": text(),
@@ -45,20 +53,39 @@ FIELDS = {
     "clip": text(),
     "subject": text(),
     "transforms": numbers("T", "J", 3, 4),
-    "offsets": numbers("T", "n", 3),
+    "resting": numbers("T", "n", 3),
+    "blend": numbers("n", "J"),
+    "heads": numbers("J", 3),
+    "condition": numbers("S"),
 }
 """Arrays of a run's file."""
 
 POSED_AT_ONCE = 32
 """Frames whose body is posed at once."""
 
+FLATTEST = 0.2
+"""Least determinant of a blended transform that is inverted: between legs far apart they are nearly flat."""
+
+DRAWN = {
+    "density": (0.07, 0.4),
+    "stretch": (30.0, 100.0),
+    "bend": (1e-6, 1e-4),
+    "friction": (0.2, 0.5),
+}
+"""Ranges of the fabrics that are drawn, evenly by logarithm: those of FABRICS, and a little more."""
+
+PREPARED_BODIES = 24
+"""Bodies whose garments are kept."""
+
 
 @dataclass(frozen=True)
 class CageRun:
     """A cage over a motion of T frames.
 
-    garment: name. quality: of its cage. clip, subject: of the motion. transforms: (T, J, 3, 4) of the body.
-    offsets: (T, n, 3) m, world axes, from the smoothly skinned cage.
+    The n points are those of the garment's cage on the default body, wherever the run was made. garment:
+    name. quality: of its cage. clip, subject: of the motion. transforms: (T, J, 3, 4) of the body. resting:
+    (T, n, 3) m, offsets from the smoothly skinned garment before skinning turns them. blend: (n, J) weights.
+    heads: (J, 3) m of the body. condition: (S,), see `condition`.
     """
 
     garment: str
@@ -66,7 +93,17 @@ class CageRun:
     clip: str
     subject: str
     transforms: Tensor
-    offsets: Tensor
+    resting: Tensor
+    blend: Tensor
+    heads: Tensor
+    condition: Tensor
+
+    def __len__(self) -> int:
+        return len(self.resting)
+
+    def posed(self, resting: Tensor) -> Tensor:
+        """Offsets at rest (T, n, 3), m, as skinning turns them."""
+        return rotate(blend_transforms(self.blend, self.transforms)[..., :3], resting)
 
 
 VALIDATION = "validation"
@@ -85,32 +122,33 @@ def run_files(folder: Path) -> list[Path]:
 
 def save_run(run: CageRun, path: Path) -> None:
     """Write a run; offsets in half precision, which is 0.2 mm at 0.3 m. Raises InputError if it cannot be."""
-    texts = {name: np.array(getattr(run, name)) for name in ("garment", "quality", "clip", "subject")}
-    arrays = {"transforms": run.transforms.numpy(), "offsets": run.offsets.half().numpy()}
+    arrays = {name: value.numpy() for name, value in vars(run).items() if isinstance(value, Tensor)}
+    texts = {name: np.array(value) for name, value in vars(run).items() if isinstance(value, str)}
+    arrays["resting"] = run.resting.half().numpy()
     save_arrays(path, {"format": np.array(RUN_FORMAT), **texts, **arrays}, compressed=False)
 
 
 def load_run(path: Path) -> CageRun:
     """Read what `save_run` wrote. Raises InputError naming the file if it is damaged or another format."""
     data = check_fields(path, load_arrays(path, RUN_FORMAT, "a run of a cage made by this version"), FIELDS)
-    return CageRun(
-        garment=str(data["garment"]),
-        quality=str(data["quality"]),
-        clip=str(data["clip"]),
-        subject=str(data["subject"]),
-        transforms=torch.from_numpy(data["transforms"]),
-        offsets=torch.from_numpy(data["offsets"]).float(),
-    )
+    texts = {name: str(value) for name, value in data.items() if not value.ndim}
+    arrays = {name: torch.from_numpy(value).float() for name, value in data.items() if value.ndim}
+    return CageRun(**texts, **arrays)  # type: ignore[arg-type]
 
 
 @torch.no_grad()
-def simulate_cage(prepared: CagedOutfit, body: Body, transforms: Tensor) -> Tensor:
-    """Offsets (T, n, 3) m of a cage from the skinned one; cloth is at rest before the first frame.
+def simulate_cage(
+    prepared: CagedOutfit, body: Body, transforms: Tensor, reference: Cage
+) -> tuple[Tensor, Tensor]:
+    """Offsets at rest (T, n, 3) m of one garment at a reference cage's points, and their weights (n, J).
 
-    Raises FloatingPointError where cloth flies apart.
+    Cloth is at rest before the first frame. Raises FloatingPointError where cloth flies apart.
     """
-    offsets, state = [], None
+    (garment,) = prepared.garments
+    blend = reference.at_cage(garment.weights)
+    resting, state = [], None
     for some in transforms.split(POSED_AT_ONCE):
+        offsets = []
         for transform, vertices in zip(some, posed_skin(body, some), strict=True):
             targets = prepared.skinned_cages(transform)
             if state is None:
@@ -118,10 +156,33 @@ def simulate_cage(prepared: CagedOutfit, body: Body, transforms: Tensor) -> Tens
             else:
                 state = next_frame(prepared, state, prepared.collider(vertices), targets, 0.0, FPS)
             offsets.append(torch.from_numpy((state.cloth.vertices() - targets).astype(np.float32)))
-    stacked = torch.stack(offsets)
+        carried = reference.at_cage(garment.cage.at_garment(torch.stack(offsets)))
+        resting.append(_resting(blend, some, carried))
+    stacked = torch.cat(resting)
     if not torch.isfinite(stacked).all():
         raise FloatingPointError("cloth flew apart")
-    return stacked
+    return stacked, blend
+
+
+def _resting(blend: Tensor, transforms: Tensor, offsets: Tensor) -> Tensor:
+    """Offsets (T, n, 3) m before skinning turns them, the least ones where it is nearly flat."""
+    first, second, third = blend_transforms(blend, transforms)[..., :3].unbind(-1)
+    cross = torch.linalg.cross
+    rows = torch.stack([cross(second, third), cross(third, first), cross(first, second)], dim=-2)
+    volume = (first * rows[..., 0, :]).sum(-1, keepdim=True)
+    return rotate(rows, offsets) / volume.clamp(min=FLATTEST)
+
+
+def reference_cage(garment: str, quality: str) -> Cage:
+    """The cage of a template on the default body, whose points all runs of the garment have."""
+    mesh = load_garment(garment, load_body()).mesh
+    points = welded(mesh.vertices, mesh.faces)
+    return kept_cage(points.points, points.faces, QUALITIES[quality])
+
+
+def draw_fabric(generator: np.random.Generator) -> Fabric:
+    """A fabric at random, see DRAWN."""
+    return Fabric(**{name: math.exp(generator.uniform(*np.log(ends))) for name, ends in DRAWN.items()})
 
 
 @dataclass(frozen=True)
@@ -147,43 +208,81 @@ class CageRuns:
     seed: int = 0
     """Random seed of the motions."""
     body: BodyFile = None
-    """A body made by `uvcloth body`."""
+    """The body of the runs of validation, and of half of the others or all; made by `uvcloth body`."""
+    bodies: tuple[Path, ...] = ()
+    """Bodies of the other half, with its skeleton."""
+    fabrics: bool = False
+    """Draw the fabric of half of the runs at random."""
 
     def run(self) -> None:
         """Make the runs that are missing, and say how many frames a second of processor time makes."""
         if self.quality not in QUALITIES:
             raise InputError(f"--quality {self.quality}: expected one of {', '.join(QUALITIES)}")
         make_folder(self.data / VALIDATION)
-        body = load_body(self.body)
-        missing = list(self._missing(body))
+        missing = list(self._missing())
         if not missing:
             return
-        garment = load_garment(self.garment, body)
-        prepared = make_caged_outfit(Outfit(body, (garment,)), PhysicsConfig(self.quality))
+        reference = reference_cage(self.garment, self.quality)
         console = Console(stderr=True)
         begun, frames = time.process_time(), 0
-        for path, motions, number in missing:
+        for path, split, number in missing:
+            body, fabric = self._drawn(split, number)
+            motions = self._motions(split, body)
             entry, transforms = motions.entry(number), motions.transforms(number)
+            garment = replace(_garment(self.garment, body), fabric=fabric)
             try:
-                offsets = simulate_cage(prepared, body, transforms)
+                prepared = make_caged_outfit(Outfit(body, (garment,)), PhysicsConfig(self.quality))
+                resting, blend = simulate_cage(prepared, body, transforms, reference)
             except FloatingPointError as error:
                 console.print(f"{path}: {error} in the clip {entry.clip}, it is left out")
                 continue
-            save_run(
-                CageRun(garment.name, self.quality, entry.clip, entry.subject, transforms, offsets), path
+            run = CageRun(
+                garment=self.garment,
+                quality=self.quality,
+                clip=entry.clip,
+                subject=entry.subject,
+                transforms=transforms,
+                resting=resting,
+                blend=blend,
+                heads=body.skeleton.heads,
+                condition=condition(body, fabric),
             )
-            frames += len(offsets)
+            save_run(run, path)
+            frames += len(run)
             rate = frames / (time.process_time() - begun)
             console.print(f"{path}, {entry.clip}: {frames} frames, {rate:.0f} per CPU second")
 
-    def _missing(self, body: Body) -> Iterator[tuple[Path, Motions, int]]:
-        """The file of each run to make, the motions, and its number among them."""
+    def _drawn(self, split: str, number: int) -> tuple[Body, Fabric]:
+        """The body and the fabric of a run."""
+        generator = np.random.default_rng((self.seed, number, 1))
+        file, fabric = self.body, JERSEY
+        if split == "train":
+            if self.bodies and generator.random() < 0.5:
+                file = self.bodies[generator.integers(len(self.bodies))]
+            if self.fabrics and generator.random() < 0.5:
+                fabric = draw_fabric(generator)
+        return _body(file), fabric
+
+    def _motions(self, split: str, body: Body) -> Motions:
+        return Motions.of_split(split, self.windows, self.clips_from, body, self.seed)
+
+    def _missing(self) -> Iterator[tuple[Path, str, int]]:
+        """The file of each run to make, its split, and its number in it."""
         for split, folder in (("validation", self.data / VALIDATION), ("train", self.data)):
-            motions = Motions.of_split(split, self.windows, self.clips_from, body, self.seed)
-            runs = self.runs if split == "train" else len(motions.entries)
-            for number in range(self.first, runs, self.every):
+            clips = len(self._motions(split, _body(self.body)).entries)
+            for number in range(self.first, self.runs if split == "train" else clips, self.every):
                 if not run_file(folder, number).exists():
-                    yield run_file(folder, number), motions, number
+                    yield run_file(folder, number), split, number
+
+
+@lru_cache(PREPARED_BODIES)
+def _body(file: Path | None) -> Body:
+    return load_body(file)
+
+
+@lru_cache(PREPARED_BODIES)
+def _garment(name: str, body: Body) -> Garment:
+    return load_garment(name, body)
 
 
 if __name__ == "__main__":

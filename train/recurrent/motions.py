@@ -1,4 +1,4 @@
-"""Motions without end for training: clips drawn by number, at another speed, mirrored, brought to a stop."""
+"""Motions without end for training: clips drawn by number, at another speed, mirrored, joined, stopped."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -12,6 +12,7 @@ from uvcloth.errors import InputError
 from uvcloth.geometry.mirror import mirror_transforms
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import Entry, clip_file, read_index
+from uvcloth.motion.join import join_clips
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.retarget import resample
 from uvcloth.motion.stop import come_to_rest
@@ -25,6 +26,12 @@ STOPPING = 0.4
 
 STILL_SECONDS = 2.0
 """Seconds that a body stands still after a stop: a skirt swings for a second and a half."""
+
+JOINED = 0.3
+"""Share of the varied motions that go on in another clip of the split."""
+
+FADE_SECONDS = 0.4
+"""Seconds in which one clip fades into another."""
 
 LONGEST = 600
 """Frames of a motion, at most."""
@@ -64,14 +71,12 @@ class Motions:
     def transforms(self, number: int) -> Tensor:
         """Joint transforms (T, J, 3, 4) of a motion."""
         generator = np.random.default_rng((self.seed, number))
-        clip = _loaded(clip_file(self.entry(number), self.folder), self.body)
         varied = number >= len(self.entries)
-        if varied:
-            low, high = np.log(SPEEDS)
-            speed = float(np.exp(generator.uniform(low, high)))
-            clip = resample(replace(clip, fps=FPS * speed), FPS)
-        start = int(generator.integers(max(len(clip) - LONGEST, 0) + 1))
-        clip = clip.window(start, LONGEST)
+        clip = self._clip(self.entry(number), generator if varied else None)
+        clip = _cut(clip, LONGEST, generator)
+        if varied and generator.random() < JOINED:
+            other = self._clip(self.entries[generator.integers(len(self.entries))], generator)
+            clip = join_clips(_cut(clip, LONGEST // 2, generator), other, FADE_SECONDS).window(0, LONGEST)
         if generator.random() < STOPPING:
             end = int(generator.integers(len(clip) // 2, len(clip) + 1))
             clip = come_to_rest(clip.window(0, end), STILL_SECONDS)
@@ -79,6 +84,20 @@ class Motions:
         if varied and generator.random() < 0.5:
             transforms = mirror_transforms(transforms, self.body.skeleton)
         return transforms
+
+    def _clip(self, entry: Entry, generator: np.random.Generator | None) -> Clip:
+        """A clip of the split, at a speed that the generator draws."""
+        clip = _loaded(clip_file(entry, self.folder), self.body)
+        if generator is None:
+            return clip
+        low, high = np.log(SPEEDS)
+        speed = float(np.exp(generator.uniform(low, high)))
+        return resample(replace(clip, fps=FPS * speed), FPS)
+
+
+def _cut(clip: Clip, frames: int, generator: np.random.Generator) -> Clip:
+    """A part of so many frames of a clip, the whole of a shorter one."""
+    return clip.window(int(generator.integers(max(len(clip) - frames, 0) + 1)), frames)
 
 
 @lru_cache(KEPT_CLIPS)

@@ -49,7 +49,7 @@ class RecurrentObjective(Objective):
         self.config, self.losses, self.body = config, losses, body
         self.device = training_device()
         windows = Windows(losses.window, losses.unscored, losses.mirror)
-        made = [GarmentRuns(path, body, windows, config.shapes) for path in folders]
+        made = [GarmentRuns(path, body, windows, config.shapes, self.device) for path in folders]
         self.runs = {runs.name: runs for runs in made}
         for runs in made:
             runs.take_in()
@@ -65,7 +65,7 @@ class RecurrentObjective(Objective):
         joints = len(self.body.skeleton.heads)
         nets: dict[str, nn.Module] = {}
         for name, runs in self.runs.items():
-            net = RecurrentNetwork(self.config, joints, len(runs.cage.vertices), *runs.corners.shape)
+            net = RecurrentNetwork(self.config, joints, len(runs.fitted.mean), *runs.corners.shape)
             for key, value in vars(runs.fitted).items():
                 getattr(net, key).copy_(value)
             net.extremes.copy_(runs.extremes())
@@ -82,9 +82,9 @@ class RecurrentObjective(Objective):
         # Windows may start anywhere between the places of two rows, in runs that came later as well.
         places = (rows + torch.rand(len(rows), device=rows.device)) / len(self._samples)
         for name, runs in self.runs.items():
-            inputs, truth = (values.to(self.device) for values in runs.draw(places.cpu()))
-            inputs = inputs + self.losses.noise * torch.randn_like(inputs)
-            wrong = networks["net"](name, inputs) - truth
+            some = runs.draw(places.to(self.device))
+            inputs = some.inputs + self.losses.noise * torch.randn_like(some.inputs)
+            wrong = networks["net"](name, inputs, some.conditions) - some.weights
             wrong = 1000.0 * runs.fitted.unit * wrong[:, self.losses.unscored :]
             parts[f"{name}_shape"] = _length(wrong)
             parts[f"{name}_change"] = self.losses.change * _length(wrong.diff(dim=1))
@@ -136,9 +136,10 @@ class RecurrentObjective(Objective):
         for run in runs.held_out():
             inputs = runs.inputs(run)
             still = inputs[:1].expand(self.losses.unscored, -1)
-            weights = net(torch.cat([still, inputs])[None].to(self.device))[0, len(still) :]
+            condition = run.condition[None].to(self.device)
+            weights = net(torch.cat([still, inputs])[None], condition)[0, len(still) :]
             resting = runs.fitted.mean + torch.einsum("tk,knc->tnc", weights.cpu(), runs.fitted.shapes)
-            errors.append((runs.posed(resting, run.transforms) - run.offsets).norm(dim=2).flatten())
+            errors.append(run.posed(resting - run.resting).norm(dim=2).flatten())
         return 1000.0 * float(torch.cat(errors).mean())
 
     def _data(self) -> TrainingData:

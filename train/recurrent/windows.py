@@ -9,27 +9,24 @@ from torch import Tensor
 
 from rasterize.gather import gather
 from rasterize.raycast import closest_points
-from uvcloth.bodies.body import Body
+from uvcloth.bodies.body import Body, load_body
 from uvcloth.errors import InputError
-from uvcloth.garments.cage import QUALITIES, make_cage
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.mesh import welded
 from uvcloth.geometry.mirror import mirror_transforms
-from uvcloth.geometry.rotations import rotate
-from uvcloth.geometry.skinning import blend_transforms
 from uvcloth.methods.recurrent.body_motion import body_motion
 
-from .cage_runs import VALIDATION, CageRun, load_run, run_files
+from .cage_runs import VALIDATION, CageRun, load_run, reference_cage, run_files
 from .motions import FPS
-
-FLATTEST = 0.2
-"""Least determinant of a blended transform that is inverted: between legs far apart they are nearly flat."""
 
 FITTED = 3
 """One of so many frames is fitted to."""
 
 LEAST_SPREAD = 0.01
-"""Least standard deviation that an input is divided by: a joint that never moves is not noise."""
+"""Least standard deviation that a motion is divided by: a joint that never moves is not noise."""
+
+SAME = 1e-4
+"""Standard deviation of a condition below which it is always the same."""
 
 SYMMETRIC = 0.02
 """Metres that a cage's mirrored vertices may be off it: its faces are coarse, the garment is symmetric."""
@@ -52,12 +49,15 @@ class Windows:
 class Fitted:
     """Statistics of runs.
 
-    center, spread: (C,) of the body's motion. mean: (n, 3) m, of the cage at rest. shapes: (K, n, 3) m,
+    center, spread: (C,) of the body's motion. usual, scale: (S,) of the condition, see
+    RecurrentNetwork. mean: (n, 3) m, of the cage at rest. shapes: (K, n, 3) m,
     orthogonal, all of one length; of the first the weights have variance one.
     """
 
     center: Tensor
     spread: Tensor
+    usual: Tensor
+    scale: Tensor
     mean: Tensor
     shapes: Tensor
 
@@ -74,40 +74,39 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Learned:
-    """A run as a network learns it: normalized motion (T, C), weights (T, K)."""
+    """Frames as a network learns them: normalized motion (T, C), weights (T, K), condition (T, S)."""
 
     inputs: Tensor
     weights: Tensor
+    conditions: Tensor
 
 
 class GarmentRuns:
-    """Runs of one garment's cage; more may come while they are used."""
+    """Runs of one garment's cage, on a device; more may come while they are used."""
 
-    def __init__(self, folder: Path, body: Body, windows: Windows, shapes: int) -> None:
-        self.folder, self.body, self.windows = folder, body, windows
+    def __init__(self, folder: Path, body: Body, windows: Windows, shapes: int, device: torch.device) -> None:
+        self.folder, self.body, self.windows, self.device = folder, body, windows, device
         files = run_files(folder)
         if not files or not run_files(folder / VALIDATION):
             raise InputError(f"{folder}: has no runs of a cage, or none of validation clips")
         first = load_run(files[0])
         self.name, self.quality = first.garment, first.quality
-        garment = load_garment(self.name, body)
+        garment = load_garment(self.name, load_body())
         mesh = welded(garment.mesh.vertices, garment.mesh.faces)
-        self.cage = make_cage(mesh.points, mesh.faces, QUALITIES[self.quality])
-        self.blend = self.cage.at_cage(garment.smooth_weights[mesh.kept])
-        self.corners, self.shares = self.cage.own_corners[mesh.places], self.cage.own_weights[mesh.places]
-        across = closest_points(_across(self.cage.vertices), self.cage.vertices, self.cage.faces)
-        self._opposite = self.cage.faces[across.face], across.barycentrics
+        cage = reference_cage(self.name, self.quality)
+        self.corners, self.shares = cage.own_corners[mesh.places], cage.own_weights[mesh.places]
+        across = closest_points(_across(cage.vertices), cage.vertices, cage.faces)
+        self._opposite = cage.faces[across.face], across.barycentrics
         self._mirrors = windows.mirror and float(across.distance.max()) < SYMMETRIC
         self.fitted = self._fit(files, shapes)
         self._forget()
 
     def _forget(self) -> None:
         self.frames = 0
-        self._end = 0
         self._known: set[Path] = set()
         self._clips: dict[str, str] = {}
         self._runs: list[Learned] = []
-        self._starts = torch.zeros(0, dtype=torch.int64)
+        self._starts = torch.zeros(0, dtype=torch.int64, device=self.device)
 
     def __len__(self) -> int:
         """Number of places where a window may start."""
@@ -118,23 +117,26 @@ class GarmentRuns:
         new = [path for path in run_files(self.folder) if path not in self._known]
         for run in map(load_run, new):
             self._clips[run.clip] = run.subject
-            self.frames += len(run.offsets)
-            for each in self._with_mirror_image(run):
-                learned = self._learned(each)
-                last = len(learned.inputs) - self.windows.length
-                self._starts = torch.cat([self._starts, self._end + torch.arange(last + 1)])
-                self._end += len(learned.inputs)
-                self._runs.append(learned)
+            self.frames += len(run)
+            self._runs += map(self._learned, self._with_mirror_image(run))
         self._known |= set(new)
+        lengths = torch.tensor([len(run.inputs) for run in self._runs])
+        windows = lengths - self.windows.length + 1
+        first = torch.repeat_interleave(lengths.cumsum(0) - lengths - (windows.cumsum(0) - windows), windows)
+        self._starts = (torch.arange(len(first)) + first).to(self.device)
         self._all = Learned(
-            torch.cat([run.inputs for run in self._runs]), torch.cat([run.weights for run in self._runs])
+            **{
+                name: torch.cat([getattr(run, name) for run in self._runs])
+                for name in ("inputs", "weights", "conditions")
+            }
         )
 
-    def draw(self, places: Tensor) -> tuple[Tensor, Tensor]:
-        """Windows that start at places (B,), 0 to 1 in all runs: inputs (B, W, C), weights (B, W, K)."""
+    def draw(self, places: Tensor) -> Learned:
+        """Windows that start at places (B,), 0 to 1 in all runs: (B, W, C), (B, W, K), and (B, S)."""
         starts = self._starts[(places * len(self._starts)).long().clamp(max=len(self._starts) - 1)]
-        rows = starts[:, None] + torch.arange(self.windows.length)
-        return self._all.inputs[rows], self._all.weights[rows]
+        rows = starts[:, None] + torch.arange(self.windows.length, device=self.device)
+        some = self._all
+        return Learned(some.inputs[rows], some.weights[rows], some.conditions[starts])
 
     def extremes(self) -> Tensor:
         """Weights (2 K, K) of the frames in which each of them is the least or the greatest."""
@@ -155,26 +157,29 @@ class GarmentRuns:
         """Subjects of the clips of the runs, by clip."""
         return {run.clip: run.subject for run in self.held_out()} if held_out else self._clips
 
-    def posed(self, resting: Tensor, transforms: Tensor) -> Tensor:
-        """Offsets at rest (T, n, 3), m, as the skinned cage turns them. transforms: (T, J, 3, 4)."""
-        return rotate(blend_transforms(self.blend, transforms)[..., :3], resting)
+    def inputs(self, run: CageRun, still: int = 0) -> Tensor:
+        """Normalized motion (still + T, C) of a run, after `still` frames in which the body stands."""
+        return ((_motion(run, still) - self.fitted.center) / self.fitted.spread).to(self.device)
 
     def _fit(self, files: Sequence[Path], count: int) -> Fitted:
-        motions, resting = [], []
+        motions, resting, conditions = [], [], []
         for run in map(load_run, files):
             for each in self._with_mirror_image(run):
-                motions.append(self._motion(each)[::FITTED])
-                some = replace(each, transforms=each.transforms[::FITTED], offsets=each.offsets[::FITTED])
-                resting.append(self._resting(some).flatten(1))
-        motion, offsets = torch.cat(motions), torch.cat(resting)
+                motions.append(_motion(each)[::FITTED])
+                resting.append(each.resting[::FITTED].flatten(1).to(self.device))
+                conditions.append(each.condition)
+        motion, offsets, condition = torch.cat(motions), torch.cat(resting), torch.stack(conditions)
         mean = offsets.mean(0)
         strengths, directions = torch.linalg.eigh((offsets - mean).T @ (offsets - mean) / len(offsets))
         shapes = directions[:, -count:].flip(1).T * strengths[-1].sqrt()
+        apart = condition.std(0, correction=0)
         return Fitted(
             center=motion.mean(0),
             spread=motion.std(0).clamp(min=LEAST_SPREAD),
-            mean=mean.view(-1, 3),
-            shapes=shapes.reshape(len(shapes), -1, 3),
+            usual=condition.mean(0),
+            scale=torch.where(apart > SAME, 1.0 / apart.clamp(min=SAME), 0.0),
+            mean=mean.view(-1, 3).cpu(),
+            shapes=shapes.reshape(len(shapes), -1, 3).cpu(),
         )
 
     def _with_mirror_image(self, run: CageRun) -> Iterator[CageRun]:
@@ -183,31 +188,22 @@ class GarmentRuns:
             yield replace(
                 run,
                 transforms=mirror_transforms(run.transforms, self.body.skeleton),
-                offsets=_across(gather(run.offsets, *self._opposite)),
+                resting=_across(gather(run.resting, *self._opposite)),
             )
 
     def _learned(self, run: CageRun) -> Learned:
         """A run after a body that stands still, so that no window is too short."""
-        still = max(self.windows.unscored, self.windows.length - len(run.offsets))
-        weights = self.fitted.weights(self._resting(run))
-        return Learned(self.inputs(run, still), torch.cat([weights[:1].expand(still, -1), weights]))
+        still = max(self.windows.unscored, self.windows.length - len(run))
+        weights = self.fitted.weights(run.resting)
+        weights = torch.cat([weights[:1].expand(still, -1), weights]).to(self.device)
+        condition = run.condition.to(self.device).expand(len(weights), -1)
+        return Learned(self.inputs(run, still), weights, condition)
 
-    def inputs(self, run: CageRun, still: int = 0) -> Tensor:
-        """Normalized motion (still + T, C) of a run, after `still` frames in which the body stands."""
-        return (self._motion(run, still) - self.fitted.center) / self.fitted.spread
 
-    def _motion(self, run: CageRun, still: int = 0) -> Tensor:
-        """Body motion (still + T, C), after `still` frames in which the body stands."""
-        led = torch.cat([run.transforms[:1].expand(still + 2, -1, -1, -1), run.transforms])
-        return body_motion(led.unfold(0, 3, 1).movedim(-1, 1), self.body.skeleton.heads, FPS)
-
-    def _resting(self, run: CageRun) -> Tensor:
-        """Offsets (T, n, 3) m before skinning turns them, the least ones where it is nearly flat."""
-        first, second, third = blend_transforms(self.blend, run.transforms)[..., :3].unbind(-1)
-        cross = torch.linalg.cross
-        rows = torch.stack([cross(second, third), cross(third, first), cross(first, second)], dim=-2)
-        volume = (first * rows[..., 0, :]).sum(-1, keepdim=True)
-        return rotate(rows, run.offsets) / volume.clamp(min=FLATTEST)
+def _motion(run: CageRun, still: int = 0) -> Tensor:
+    """Body motion (still + T, C), after `still` frames in which the body stands."""
+    led = torch.cat([run.transforms[:1].expand(still + 2, -1, -1, -1), run.transforms])
+    return body_motion(led.unfold(0, 3, 1).movedim(-1, 1), run.heads, FPS)
 
 
 def _across(points: Tensor) -> Tensor:

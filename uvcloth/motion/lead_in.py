@@ -9,6 +9,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.geometry.rotations import from_axis_angles, heading, to_axis_angles
 from uvcloth.motion.arms import arm_depth
 from uvcloth.motion.clip import Clip
+from uvcloth.motion.join import fading
 
 HELD_FRAMES = 18
 """Frames for which a pose is held after the ramp, in which the body stands in it as well."""
@@ -71,7 +72,7 @@ def _rotations(clip: Clip, parts: LeadIn, turning: int) -> Tensor:
     ramp = from_axis_angles(-_back(parts, turning)[:, None, None] * spin) @ first
     facing = heading(clip.rotations[0, 0])
     turn = to_axis_angles(facing.transpose(-1, -2) @ ramp[0])
-    blend = facing @ from_axis_angles(_share(parts)[:, None, None] * turn)
+    blend = facing @ from_axis_angles(fading(parts.blend)[:, None, None] * turn)
     return torch.cat([facing.expand(parts.rest, len(clip.skeleton.names), 3, 3), blend, ramp])
 
 
@@ -81,7 +82,7 @@ def _translation(clip: Clip, body: Body, parts: LeadIn) -> Tensor:
     ramp = clip.translation[0] - _back(parts, parts.ramp)[:, None] * drift
     height = float(clip.skeleton.heads[0, 2] - body.mesh.vertices[:, 2].min())
     start = torch.cat([ramp[0, :2], torch.tensor([height])])
-    blend = start + _share(parts)[:, None] * (ramp[0] - start)
+    blend = start + fading(parts.blend)[:, None] * (ramp[0] - start)
     return torch.cat([start.expand(parts.rest, 3), blend, ramp])
 
 
@@ -89,12 +90,6 @@ def _back(parts: LeadIn, last: int) -> Tensor:
     """Frames (parts.ramp,) of motion by which the ramp is behind the clip, if only the `last` ones move."""
     u = (torch.arange(parts.ramp, 0, -1).float() / last).clamp(max=1.0)
     return last * (u - u**3 + 0.5 * u**4)
-
-
-def _share(parts: LeadIn) -> Tensor:
-    """Shares (parts.blend,) of the way from rest to the ramp, smooth at both ends."""
-    t = torch.arange(1, parts.blend + 1).float() / (parts.blend + 1)
-    return t**3 * (10 - 15 * t + 6 * t**2)
 
 
 def _joined(rotations: Tensor, translation: Tensor, clip: Clip) -> Clip:

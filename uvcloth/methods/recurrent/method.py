@@ -33,6 +33,7 @@ from uvcloth.geometry.skinning import skin_each
 from uvcloth.methods.capabilities import Riggable
 from uvcloth.methods.method import Method, MethodEntry, Traits, for_inference, require_supported
 from uvcloth.methods.recurrent.body_motion import OF_ROOT, PER_JOINT, body_motion
+from uvcloth.methods.recurrent.condition import condition
 from uvcloth.methods.recurrent.network import (
     TICK,
     RecurrentConfig,
@@ -46,8 +47,8 @@ from uvcloth.methods.recurrent.rig import RecurrentRig
 class RecurrentGarment:
     """A garment that is ready to be stepped.
 
-    network: of the garment. rest: (3, N) m, its mesh at rest plus the mean. shapes: (K, 3 N) m. weights:
-    (N, J) blend weights. heads: (J, 3) m of the skeleton.
+    network: of the garment, on its body. rest: (3, N) m, its mesh at rest plus the mean. shapes: (K, 3 N) m.
+    weights: (N, J) blend weights. heads: (J, 3) m of the skeleton.
     """
 
     network: RecurrentNetwork
@@ -73,7 +74,11 @@ class Recurrent(Method, Riggable):
     config: RecurrentConfig
     networks: RecurrentNetworks
     name: str = "recurrent"
-    traits = Traits(autoregressive=True)
+
+    @property
+    def traits(self) -> Traits:
+        """Reading the fabric if it was trained on several."""
+        return Traits(autoregressive=True, reads_fabric=self.networks.read_fabrics)
 
     @classmethod
     def untrained(cls, config: RecurrentConfig) -> "Recurrent":
@@ -134,7 +139,8 @@ class Recurrent(Method, Riggable):
         )
 
     def _prepared(self, garment: Garment, body: Body, device: torch.device) -> RecurrentGarment:
-        network: RecurrentNetwork = for_inference(self.networks.of(garment.name), device)
+        own = self.networks.of(garment.name).conditioned(condition(body, garment.fabric))
+        network: RecurrentNetwork = for_inference(own, device)
         mean, shapes = (
             gather(values, network.corners, network.shares).mT for values in (network.mean, network.shapes)
         )

@@ -1,5 +1,6 @@
 """Recurrent network of a garment: the body's motion in, weights of blend shapes out, memory between."""
 
+import copy
 from dataclasses import dataclass
 
 import torch
@@ -7,6 +8,8 @@ from torch import Tensor, nn
 
 from uvcloth.files.settings import require_settings
 from uvcloth.methods.recurrent.body_motion import motion_size
+from uvcloth.methods.recurrent.condition import condition_size
+from uvcloth.physics.fabric import FEATURES
 
 TICK = 1.0 / 30.0
 """Seconds between two frames of training."""
@@ -41,12 +44,15 @@ class RecurrentNetwork(nn.Module):
 
     The garment at rest is the sum of its own mesh, a mean (n, 3) m and K shapes (K, n, 3) m by their weights;
     both are on the n vertices of a cage and carried to the N by corners (N, A) and shares (N, A).
-    center, spread: (C,) mean and standard deviation of the input. extremes: (2 K, K) weights in the training
-    frames in which each of them is the least or the greatest.
+    center, spread: (C,) mean and standard deviation of the motion. usual, scale: (S,) mean of the condition,
+    and one over its standard deviation, 0 where it was always the same. extremes: (2 K, K) weights in the
+    training frames in which each of them is the least or the greatest.
     """
 
     center: Tensor
     spread: Tensor
+    usual: Tensor
+    scale: Tensor
     mean: Tensor
     shapes: Tensor
     corners: Tensor
@@ -57,15 +63,17 @@ class RecurrentNetwork(nn.Module):
         self, config: RecurrentConfig, joints: int, cage: int, vertices: int, around: int = 3
     ) -> None:
         super().__init__()
-        width, size = config.width, motion_size(joints)
+        width, size, given = config.width, motion_size(joints), condition_size(joints)
         self.memory = config.memory
-        self.enter = nn.Sequential(
-            nn.Linear(size, width), nn.ReLU(), nn.Dropout(config.dropout), nn.Linear(width, width), nn.ReLU()
-        )
+        self.moved = nn.Linear(size, width)
+        self.given = nn.Linear(given, width, bias=False)
+        self.enter = nn.Sequential(nn.ReLU(), nn.Dropout(config.dropout), nn.Linear(width, width), nn.ReLU())
         self.unit = nn.GRU(width, width, batch_first=True)
         self.leave = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, config.shapes))
         self.register_buffer("center", torch.zeros(size))
         self.register_buffer("spread", torch.ones(size))
+        self.register_buffer("usual", torch.zeros(given))
+        self.register_buffer("scale", torch.zeros(given))
         self.register_buffer("mean", torch.zeros(cage, 3))
         self.register_buffer("shapes", torch.zeros(config.shapes, cage, 3))
         self.register_buffer("extremes", torch.zeros(2 * config.shapes, config.shapes))
@@ -76,20 +84,32 @@ class RecurrentNetwork(nn.Module):
         """Body motion (..., C) in standard deviations from its mean in the training."""
         return (motion - self.center) / self.spread
 
-    def forward(self, inputs: Tensor) -> Tensor:
-        """Weights (B, T, K) of the shapes over sequences of T frames, TICK apart: normalized (B, T, C)."""
-        entered = self.enter(inputs.clamp(-STRANGEST, STRANGEST))
+    def forward(self, inputs: Tensor, condition: Tensor) -> Tensor:
+        """Weights (B, T, K) of the shapes over sequences of T frames, TICK apart.
+
+        inputs: (B, T, C), normalized. condition: (B, S), see `condition`.
+        """
+        given = self.given((condition - self.usual) * self.scale)
+        entered = self.enter(self.moved(inputs.clamp(-STRANGEST, STRANGEST)) + given[:, None])
         hidden = self.unit(entered)[0] if self.memory else torch.zeros_like(entered)
         weights: Tensor = self.leave(torch.cat([entered, hidden], dim=-1))
         return weights
 
+    def conditioned(self, condition: Tensor) -> "RecurrentNetwork":
+        """The network for one condition (S,), which is in its bias: `step` and rigs need no other input."""
+        network = copy.deepcopy(self)
+        with torch.no_grad():
+            network.moved.bias.add_(self.given(((condition - self.usual) * self.scale)[None])[0])
+            network.usual.copy_(condition)
+        return network
+
     def step(self, inputs: Tensor, hidden: Tensor, ticks: Tensor | float) -> tuple[Tensor, Tensor]:
-        """One frame: normalized motion (B, C) and hidden (B, H) -> weights (B, K) and the next hidden.
+        """One frame in the usual condition: motion (B, C), hidden (B, H) -> weights (B, K), the next hidden.
 
         ticks: time since the last frame, in TICK. The gate z keeps the share z of the state in one tick,
         hence z^ticks in several: h' = n + z^ticks (h - n).
         """
-        entered = self.enter(inputs.clamp(-STRANGEST, STRANGEST))
+        entered = self.enter(self.moved(inputs.clamp(-STRANGEST, STRANGEST)))
         if self.memory:
             of_input, of_hidden, input_bias, hidden_bias = self.unit.all_weights[0]
             given = nn.functional.linear(entered, of_input, input_bias).chunk(3, dim=-1)
@@ -115,9 +135,9 @@ class RecurrentNetwork(nn.Module):
 class RecurrentNetworks(nn.ModuleDict):
     """The networks of several garments, by name."""
 
-    def forward(self, name: str, inputs: Tensor) -> Tensor:
+    def forward(self, name: str, inputs: Tensor, condition: Tensor) -> Tensor:
         """Weights (B, T, K) of the shapes of a garment, see `RecurrentNetwork.forward`."""
-        weights: Tensor = self.of(name)(inputs)
+        weights: Tensor = self.of(name)(inputs, condition)
         return weights
 
     def of(self, name: str) -> RecurrentNetwork:
@@ -125,3 +145,8 @@ class RecurrentNetworks(nn.ModuleDict):
         network = self[name]
         assert isinstance(network, RecurrentNetwork)
         return network
+
+    @property
+    def read_fabrics(self) -> bool:
+        """True if all were trained on several fabrics."""
+        return len(self) > 0 and all(bool(self.of(name).scale[-FEATURES:].any()) for name in self)
