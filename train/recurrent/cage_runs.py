@@ -101,6 +101,11 @@ class CageRun:
     def __len__(self) -> int:
         return len(self.resting)
 
+    def to(self, device: torch.device) -> "CageRun":
+        """The run on a device."""
+        arrays = {name: value.to(device) for name, value in vars(self).items() if isinstance(value, Tensor)}
+        return replace(self, **arrays)  # type: ignore[arg-type]
+
     def posed(self, resting: Tensor) -> Tensor:
         """Offsets at rest (T, n, 3), m, as skinning turns them."""
         return rotate(blend_transforms(self.blend, self.transforms)[..., :3], resting)

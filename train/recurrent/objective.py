@@ -54,6 +54,7 @@ class RecurrentObjective(Objective):
         for runs in made:
             runs.take_in()
         self._samples = torch.arange(max(map(len, made)))
+        self._measure_units()
 
     @property
     def samples(self) -> Tensor:
@@ -85,7 +86,7 @@ class RecurrentObjective(Objective):
             some = runs.draw(places.to(self.device))
             inputs = some.inputs + self.losses.noise * torch.randn_like(some.inputs)
             wrong = networks["net"](name, inputs, some.conditions) - some.weights
-            wrong = 1000.0 * runs.fitted.unit * wrong[:, self.losses.unscored :]
+            wrong = 1000.0 * self._units[name] * wrong[:, self.losses.unscored :]
             parts[f"{name}_shape"] = _length(wrong)
             parts[f"{name}_change"] = self.losses.change * _length(wrong.diff(dim=1))
         yield "net", torch.stack(list(parts.values())).sum(), parts
@@ -129,6 +130,10 @@ class RecurrentObjective(Objective):
         """Restore what was fitted."""
         for name, runs in self.runs.items():
             runs.restore(Fitted(**{key: memory[f"{name}.{key}"] for key in vars(runs.fitted)}))
+        self._measure_units()
+
+    def _measure_units(self) -> None:
+        self._units = {name: runs.fitted.unit() for name, runs in self.runs.items()}
 
     def _error(self, net: RecurrentNetwork, runs: GarmentRuns) -> float:
         """Mean distance, mm, of a garment's cage to those of held-out runs."""
@@ -136,9 +141,8 @@ class RecurrentObjective(Objective):
         for run in runs.held_out():
             inputs = runs.inputs(run)
             still = inputs[:1].expand(self.losses.unscored, -1)
-            condition = run.condition[None].to(self.device)
-            weights = net(torch.cat([still, inputs])[None], condition)[0, len(still) :]
-            resting = runs.fitted.mean + torch.einsum("tk,knc->tnc", weights.cpu(), runs.fitted.shapes)
+            weights = net(torch.cat([still, inputs])[None], run.condition[None])[0, len(still) :]
+            resting = runs.fitted.mean + torch.einsum("tk,knc->tnc", weights, runs.fitted.shapes)
             errors.append(run.posed(resting - run.resting).norm(dim=2).flatten())
         return 1000.0 * float(torch.cat(errors).mean())
 

@@ -61,7 +61,10 @@ class Fitted:
     mean: Tensor
     shapes: Tensor
 
-    @property
+    def to(self, device: torch.device) -> "Fitted":
+        """The statistics on a device."""
+        return Fitted(**{name: value.to(device) for name, value in vars(self).items()})
+
     def unit(self) -> float:
         """Root mean square over the vertices, m, of the offset that a weight of one makes."""
         return float(self.shapes[0].square().sum(1).mean().sqrt())
@@ -96,7 +99,7 @@ class GarmentRuns:
         cage = reference_cage(self.name, self.quality)
         self.corners, self.shares = cage.own_corners[mesh.places], cage.own_weights[mesh.places]
         across = closest_points(_across(cage.vertices), cage.vertices, cage.faces)
-        self._opposite = cage.faces[across.face], across.barycentrics
+        self._opposite = cage.faces[across.face].to(device), across.barycentrics.to(device)
         self._mirrors = windows.mirror and float(across.distance.max()) < SYMMETRIC
         self.fitted = self._fit(files, shapes)
         self._forget()
@@ -115,7 +118,7 @@ class GarmentRuns:
     def take_in(self) -> None:
         """Read the runs that came since."""
         new = [path for path in run_files(self.folder) if path not in self._known]
-        for run in map(load_run, new):
+        for run in map(self._loaded, new):
             self._clips[run.clip] = run.subject
             self.frames += len(run)
             self._runs += map(self._learned, self._with_mirror_image(run))
@@ -145,13 +148,13 @@ class GarmentRuns:
 
     def restore(self, fitted: Fitted) -> None:
         """Take the runs in again, with other statistics."""
-        self.fitted = fitted
+        self.fitted = fitted.to(self.device)
         self._forget()
         self.take_in()
 
     def held_out(self) -> Iterator[CageRun]:
         """Yield the runs of validation clips."""
-        yield from map(load_run, run_files(self.folder / VALIDATION))
+        yield from map(self._loaded, run_files(self.folder / VALIDATION))
 
     def clips(self, held_out: bool) -> dict[str, str]:
         """Subjects of the clips of the runs, by clip."""
@@ -159,14 +162,14 @@ class GarmentRuns:
 
     def inputs(self, run: CageRun, still: int = 0) -> Tensor:
         """Normalized motion (still + T, C) of a run, after `still` frames in which the body stands."""
-        return ((_motion(run, still) - self.fitted.center) / self.fitted.spread).to(self.device)
+        return (_motion(run, still) - self.fitted.center) / self.fitted.spread
 
     def _fit(self, files: Sequence[Path], count: int) -> Fitted:
         motions, resting, conditions = [], [], []
-        for run in map(load_run, files):
+        for run in map(self._loaded, files):
             for each in self._with_mirror_image(run):
                 motions.append(_motion(each)[::FITTED])
-                resting.append(each.resting[::FITTED].flatten(1).to(self.device))
+                resting.append(each.resting[::FITTED].flatten(1))
                 conditions.append(each.condition)
         motion, offsets, condition = torch.cat(motions), torch.cat(resting), torch.stack(conditions)
         mean = offsets.mean(0)
@@ -178,9 +181,12 @@ class GarmentRuns:
             spread=motion.std(0).clamp(min=LEAST_SPREAD),
             usual=condition.mean(0),
             scale=torch.where(apart > SAME, 1.0 / apart.clamp(min=SAME), 0.0),
-            mean=mean.view(-1, 3).cpu(),
-            shapes=shapes.reshape(len(shapes), -1, 3).cpu(),
+            mean=mean.view(-1, 3),
+            shapes=shapes.reshape(len(shapes), -1, 3),
         )
+
+    def _loaded(self, path: Path) -> CageRun:
+        return load_run(path).to(self.device)
 
     def _with_mirror_image(self, run: CageRun) -> Iterator[CageRun]:
         yield run
@@ -195,9 +201,8 @@ class GarmentRuns:
         """A run after a body that stands still, so that no window is too short."""
         still = max(self.windows.unscored, self.windows.length - len(run))
         weights = self.fitted.weights(run.resting)
-        weights = torch.cat([weights[:1].expand(still, -1), weights]).to(self.device)
-        condition = run.condition.to(self.device).expand(len(weights), -1)
-        return Learned(self.inputs(run, still), weights, condition)
+        weights = torch.cat([weights[:1].expand(still, -1), weights])
+        return Learned(self.inputs(run, still), weights, run.condition.expand(len(weights), -1))
 
 
 def _motion(run: CageRun, still: int = 0) -> Tensor:
