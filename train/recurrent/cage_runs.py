@@ -36,16 +36,17 @@ from uvcloth.garments.cage import QUALITIES, Cage, kept_cage
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.mesh import welded
-from uvcloth.geometry.rotations import rotate
-from uvcloth.geometry.skinning import blend_transforms
+from uvcloth.geometry.rotations import rotate, rotate_back
+from uvcloth.geometry.skinning import blend_transforms, skin
 from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, dressed, make_caged_outfit, next_frame
 from uvcloth.methods.recurrent.condition import condition
 from uvcloth.physics.fabric import JERSEY, Fabric
+from uvcloth.physics.surface import BodySurface, SurfacePoints
 from uvcloth.process.command import run_command
 
 from .motions import FPS, Motions
 
-RUN_FORMAT = "uvcloth-cage-run-2"
+RUN_FORMAT = "uvcloth-cage-run-3"
 
 FIELDS = {
     "garment": text(),
@@ -54,6 +55,7 @@ FIELDS = {
     "subject": text(),
     "transforms": numbers("T", "J", 3, 4),
     "resting": numbers("T", "n", 3),
+    "skin": numbers("T", "n", 4),
     "blend": numbers("n", "J"),
     "heads": numbers("J", 3),
     "condition": numbers("S"),
@@ -65,6 +67,9 @@ POSED_AT_ONCE = 32
 
 FLATTEST = 0.2
 """Least determinant of a blended transform that is inverted: between legs far apart they are nearly flat."""
+
+NEAR, FAR = 0.05, 1.0
+"""Metres within which skin is kept, and the distance that stands for more."""
 
 DRAWN = {
     "density": (0.07, 0.4),
@@ -84,8 +89,9 @@ class CageRun:
 
     The n points are those of the garment's cage on the default body, wherever the run was made. garment:
     name. quality: of its cage. clip, subject: of the motion. transforms: (T, J, 3, 4) of the body. resting:
-    (T, n, 3) m, offsets from the smoothly skinned garment before skinning turns them. blend: (n, J) weights.
-    heads: (J, 3) m of the body. condition: (S,), see `condition`.
+    (T, n, 3) m, offsets from the smoothly skinned garment before skinning turns them. skin: (T, n, 4),
+    normals and offsets of planes: a point at rest (3,) is `normal @ point - offset` m off the skin that is
+    nearest to the cloth. blend: (n, J) weights. heads: (J, 3) m of the body. condition: (S,) of it.
     """
 
     garment: str
@@ -94,6 +100,7 @@ class CageRun:
     subject: str
     transforms: Tensor
     resting: Tensor
+    skin: Tensor
     blend: Tensor
     heads: Tensor
     condition: Tensor
@@ -129,7 +136,7 @@ def save_run(run: CageRun, path: Path) -> None:
     """Write a run; offsets in half precision, which is 0.2 mm at 0.3 m. Raises InputError if it cannot be."""
     arrays = {name: value.numpy() for name, value in vars(run).items() if isinstance(value, Tensor)}
     texts = {name: np.array(value) for name, value in vars(run).items() if isinstance(value, str)}
-    arrays["resting"] = run.resting.half().numpy()
+    arrays |= {"resting": run.resting.half().numpy(), "skin": run.skin.half().numpy()}
     save_arrays(path, {"format": np.array(RUN_FORMAT), **texts, **arrays}, compressed=False)
 
 
@@ -144,34 +151,56 @@ def load_run(path: Path) -> CageRun:
 @torch.no_grad()
 def simulate_cage(
     prepared: CagedOutfit, body: Body, transforms: Tensor, reference: Cage
-) -> tuple[Tensor, Tensor]:
-    """Offsets at rest (T, n, 3) m of one garment at a reference cage's points, and their weights (n, J).
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Resting (T, n, 3), skin (T, n, 4) and blend (n, J) of a run at a reference cage's points.
 
     Cloth is at rest before the first frame. Raises FloatingPointError where cloth flies apart.
     """
     (garment,) = prepared.garments
     blend = reference.at_cage(garment.weights)
-    resting, state = [], None
+    surface = BodySurface(body.mesh.vertices, body.mesh.faces)
+    resting, skins, state = [], [], None
     for some in transforms.split(POSED_AT_ONCE):
-        offsets = []
+        offsets, near = [], []
         for transform, vertices in zip(some, posed_skin(body, some), strict=True):
             targets = prepared.skinned_cages(transform)
             if state is None:
                 state = dressed(prepared, body, transform)
             else:
                 state = next_frame(prepared, state, prepared.collider(vertices), targets, 0.0, FPS)
-            offsets.append(torch.from_numpy((state.cloth.vertices() - targets).astype(np.float32)))
-        carried = reference.at_cage(garment.cage.at_garment(torch.stack(offsets)))
-        resting.append(_resting(blend, some, carried))
+            offset = torch.from_numpy((state.cloth.vertices() - targets).astype(np.float32))
+            offset = reference.at_cage(garment.cage.at_garment(offset))
+            base = reference.at_cage(skin(garment.mesh.points, garment.weights, transform[None])[0])
+            surface.update(vertices)
+            near.append(_planes(surface.closest(base + offset, NEAR)))
+            offsets.append(offset)
+        turns = blend_transforms(blend, some)[..., :3]
+        resting.append(_resting(turns, torch.stack(offsets)))
+        skins.append(_at_rest(turns, torch.stack(near), resting[-1]))
     stacked = torch.cat(resting)
     if not torch.isfinite(stacked).all():
         raise FloatingPointError("cloth flew apart")
-    return stacked, blend
+    return stacked, torch.cat(skins), blend
 
 
-def _resting(blend: Tensor, transforms: Tensor, offsets: Tensor) -> Tensor:
+def _planes(points: SurfacePoints) -> Tensor:
+    """Normals of the skin closest to a cage, and distances from it: (n, 4); 0 and FAR for none."""
+    near = points.faces >= 0
+    normals = torch.where(near[:, None], points.normals, 0.0)
+    distances = torch.where(near, points.signed_distance, FAR)
+    return torch.cat([normals, distances[:, None]], dim=1)
+
+
+def _at_rest(turns: Tensor, planes: Tensor, resting: Tensor) -> Tensor:
+    """Planes (T, n, 4) that give distances of offsets at rest, from normals and distances in the world."""
+    normals = rotate_back(turns, planes[..., :3])
+    offsets = (normals * resting).sum(-1) - planes[..., 3]
+    return torch.cat([normals, offsets[..., None]], dim=-1)
+
+
+def _resting(turns: Tensor, offsets: Tensor) -> Tensor:
     """Offsets (T, n, 3) m before skinning turns them, the least ones where it is nearly flat."""
-    first, second, third = blend_transforms(blend, transforms)[..., :3].unbind(-1)
+    first, second, third = turns.unbind(-1)
     cross = torch.linalg.cross
     rows = torch.stack([cross(second, third), cross(third, first), cross(first, second)], dim=-2)
     volume = (first * rows[..., 0, :]).sum(-1, keepdim=True)
@@ -231,13 +260,14 @@ class CageRuns:
         console = Console(stderr=True)
         begun, frames = time.process_time(), 0
         for path, split, number in missing:
-            body, fabric = self._drawn(split, number)
+            file, fabric = self.drawn(split, number)
+            body = _body(file)
             motions = self._motions(split, body)
             entry, transforms = motions.entry(number), motions.transforms(number)
             garment = replace(_garment(self.garment, body), fabric=fabric)
             try:
                 prepared = make_caged_outfit(Outfit(body, (garment,)), PhysicsConfig(self.quality))
-                resting, blend = simulate_cage(prepared, body, transforms, reference)
+                resting, skins, blend = simulate_cage(prepared, body, transforms, reference)
             except FloatingPointError as error:
                 console.print(f"{path}: {error} in the clip {entry.clip}, it is left out")
                 continue
@@ -248,6 +278,7 @@ class CageRuns:
                 subject=entry.subject,
                 transforms=transforms,
                 resting=resting,
+                skin=skins,
                 blend=blend,
                 heads=body.skeleton.heads,
                 condition=condition(body, fabric),
@@ -257,8 +288,8 @@ class CageRuns:
             rate = frames / (time.process_time() - begun)
             console.print(f"{path}, {entry.clip}: {frames} frames, {rate:.0f} per CPU second")
 
-    def _drawn(self, split: str, number: int) -> tuple[Body, Fabric]:
-        """The body and the fabric of a run."""
+    def drawn(self, split: str, number: int) -> tuple[Path | None, Fabric]:
+        """The body, None for the one of the package, and the fabric of a run."""
         generator = np.random.default_rng((self.seed, number, 1))
         file, fabric = self.body, JERSEY
         if split == "train":
@@ -266,7 +297,7 @@ class CageRuns:
                 file = self.bodies[generator.integers(len(self.bodies))]
             if self.fabrics and generator.random() < 0.5:
                 fabric = draw_fabric(generator)
-        return _body(file), fabric
+        return file, fabric
 
     def _motions(self, split: str, body: Body) -> Motions:
         return Motions.of_split(split, self.windows, self.clips_from, body, self.seed)

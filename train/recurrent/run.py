@@ -6,11 +6,14 @@ from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes
 
-from uvcloth.bodies.body import load_body
+from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.options import FOLDER, BodyFile
+from uvcloth.errors import InputError
 from uvcloth.files.options import NewFolder, Several
 from uvcloth.methods.recurrent.method import ENTRY as METHOD
+from uvcloth.methods.recurrent.method import Recurrent
 from uvcloth.methods.recurrent.network import RecurrentConfig
+from uvcloth.methods.registry import load_method
 
 from ..loop import LoopConfig, check_run, fit
 from ..trainer import TrainerEntry
@@ -18,11 +21,15 @@ from .objective import RecurrentLosses, RecurrentObjective
 
 LOOPS: dict[str, LoopConfig] = {
     "default": LoopConfig(steps=2000, batch=12, weight_decay=0.01, validate_every=250, keep="last"),
+    "gpu": LoopConfig(
+        steps=7800, batch=192, learning_rate=1.5e-3, weight_decay=0.01, validate_every=400, keep="best"
+    ),
     "tiny": LoopConfig(steps=4, batch=2, validate_every=2, average=0.9),
 }
 
 LOSSES: dict[str, RecurrentLosses] = {
     "default": RecurrentLosses(),
+    "gpu": RecurrentLosses(window=90, unscored=20),
     "tiny": RecurrentLosses(window=12, unscored=4),
 }
 
@@ -36,7 +43,9 @@ class RecurrentRun:
     out: Annotated[Path, NewFolder()]
     """Folder of the run: checkpoint, training state, TensorBoard."""
     preset: str = "default"
-    """Preset of all settings below: default or tiny."""
+    """Preset of all settings below: default, gpu (the model that ships), or tiny."""
+    start_from: Path | None = None
+    """Run folder or shipped model of the same sizes and garments, whose weights are trained further."""
     resume: bool = False
     """Continue the run in `out`."""
     body: BodyFile = None
@@ -48,8 +57,17 @@ class RecurrentRun:
     def train(self) -> dict[str, float]:
         """Train; returns the validation errors of the network kept."""
         check_run(self.out, resume=self.resume)
-        objective = RecurrentObjective(self.network, self.losses, self.data, load_body(self.body))
+        body = load_body(self.body)
+        start = None if self.start_from is None else self._start(self.start_from, body)
+        objective = RecurrentObjective(self.network, self.losses, self.data, body, start)
         return fit(objective, self.out, self.loop, resume=self.resume)
+
+    def _start(self, folder: Path, body: Body) -> Recurrent:
+        """The model to go on from. Raises InputError if it is another method, or of other sizes."""
+        start = load_method(str(folder), body)
+        if not isinstance(start, Recurrent) or start.config != self.network:
+            raise InputError(f"--start-from {folder}: is no recurrent model of these sizes")
+        return start
 
 
 ENTRY = TrainerEntry(

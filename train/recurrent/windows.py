@@ -1,7 +1,7 @@
 """Windows of cage runs as a network learns them: the body's motion, and weights of shapes."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import torch
@@ -15,6 +15,7 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.mesh import welded
 from uvcloth.geometry.mirror import mirror_transforms
 from uvcloth.methods.recurrent.body_motion import body_motion
+from uvcloth.methods.recurrent.network import RecurrentNetwork
 
 from .cage_runs import VALIDATION, CageRun, load_run, reference_cage, run_files
 from .motions import FPS
@@ -61,6 +62,11 @@ class Fitted:
     mean: Tensor
     shapes: Tensor
 
+    @classmethod
+    def of(cls, network: RecurrentNetwork) -> "Fitted":
+        """The statistics that a network was trained with."""
+        return cls(**{each.name: getattr(network, each.name) for each in fields(cls)})
+
     def to(self, device: torch.device) -> "Fitted":
         """The statistics on a device."""
         return Fitted(**{name: value.to(device) for name, value in vars(self).items()})
@@ -68,6 +74,11 @@ class Fitted:
     def unit(self) -> float:
         """Root mean square over the vertices, m, of the offset that a weight of one makes."""
         return float(self.shapes[0].square().sum(1).mean().sqrt())
+
+    def inside(self, weights: Tensor, skin: Tensor, margin: float) -> Tensor:
+        """Metres (..., n) that points with weights (..., K) lack to be `margin` off the skin (..., n, 4)."""
+        resting = self.mean + (weights @ self.shapes.flatten(1)).unflatten(-1, self.mean.shape)
+        return (margin - (skin[..., :3] * resting).sum(-1) + skin[..., 3]).clamp(min=0.0)
 
     def weights(self, resting: Tensor) -> Tensor:
         """Weights (T, K) of the shapes in offsets at rest (T, n, 3), m."""
@@ -77,11 +88,15 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Learned:
-    """Frames as a network learns them: normalized motion (T, C), weights (T, K), condition (T, S)."""
+    """Frames as a network learns them.
+
+    inputs: normalized motion (T, C). weights: (T, K). conditions: (T, S). skin: (T, n, 4) half, see CageRun.
+    """
 
     inputs: Tensor
     weights: Tensor
     conditions: Tensor
+    skin: Tensor
 
 
 class GarmentRuns:
@@ -130,16 +145,16 @@ class GarmentRuns:
         self._all = Learned(
             **{
                 name: torch.cat([getattr(run, name) for run in self._runs])
-                for name in ("inputs", "weights", "conditions")
+                for name in ("inputs", "weights", "conditions", "skin")
             }
         )
 
     def draw(self, places: Tensor) -> Learned:
-        """Windows that start at places (B,), 0 to 1 in all runs: (B, W, C), (B, W, K), and (B, S)."""
+        """Windows that start at places (B,), 0 to 1 in all runs: (B, W, ...), with conditions (B, S)."""
         starts = self._starts[(places * len(self._starts)).long().clamp(max=len(self._starts) - 1)]
         rows = starts[:, None] + torch.arange(self.windows.length, device=self.device)
         some = self._all
-        return Learned(some.inputs[rows], some.weights[rows], some.conditions[starts])
+        return Learned(some.inputs[rows], some.weights[rows], some.conditions[starts], some.skin[rows])
 
     def extremes(self) -> Tensor:
         """Weights (2 K, K) of the frames in which each of them is the least or the greatest."""
@@ -195,6 +210,7 @@ class GarmentRuns:
                 run,
                 transforms=mirror_transforms(run.transforms, self.body.skeleton),
                 resting=_across(gather(run.resting, *self._opposite)),
+                skin=_across(gather(run.skin, *self._opposite)),
             )
 
     def _learned(self, run: CageRun) -> Learned:
@@ -202,7 +218,8 @@ class GarmentRuns:
         still = max(self.windows.unscored, self.windows.length - len(run))
         weights = self.fitted.weights(run.resting)
         weights = torch.cat([weights[:1].expand(still, -1), weights])
-        return Learned(self.inputs(run, still), weights, run.condition.expand(len(weights), -1))
+        skin = torch.cat([run.skin[:1].expand(still, -1, -1), run.skin]).half()
+        return Learned(self.inputs(run, still), weights, run.condition.expand(len(weights), -1), skin)
 
 
 def _motion(run: CageRun, still: int = 0) -> Tensor:
@@ -212,5 +229,5 @@ def _motion(run: CageRun, still: int = 0) -> Tensor:
 
 
 def _across(points: Tensor) -> Tensor:
-    """Points (..., 3) mirrored across x = 0."""
-    return points * points.new_tensor([-1.0, 1.0, 1.0])
+    """Points (..., 3) or planes (..., 4) mirrored across x = 0."""
+    return points * points.new_tensor([-1.0, 1.0, 1.0, 1.0])[: points.shape[-1]]

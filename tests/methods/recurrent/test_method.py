@@ -49,6 +49,7 @@ def method(outfit: Outfit) -> Recurrent:
         count = len(garment.mesh.vertices)
         network = RecurrentNetwork(CONFIG, joints, cage=40, vertices=count)
         network.spread.fill_(3.0)
+        network.scale.fill_(1.0)
         network.shapes.copy_(0.02 * torch.randn(3, 40, 3, generator=generator))
         network.extremes.copy_(torch.randn(6, 3, generator=generator))
         network.corners.copy_(torch.randint(40, (count, 3), generator=generator))
@@ -70,13 +71,17 @@ def garments_of(method: Recurrent, outfit: Outfit, transforms: Tensor, fps: floa
 
 def test_frame_by_frame_is_the_sequence_that_was_trained(method: Recurrent) -> None:
     network = method.networks.of("tops")
-    inputs = torch.randn(2, 9, len(network.center))
+    inputs, condition = torch.randn(2, 9, len(network.center)), torch.randn(len(network.usual))
+    told = network.conditioned(condition)
     with torch.no_grad():
         hidden, stepped = torch.zeros(2, CONFIG.width), []
         for frame in inputs.unbind(1):
-            weights, hidden = network.step(frame, hidden, 1.0)
+            weights, hidden = told.step(frame, hidden, 1.0)
             stepped.append(weights)
-        torch.testing.assert_close(torch.stack(stepped, 1), network(inputs), atol=1e-5, rtol=0)
+        expected = network(inputs, condition.expand(2, -1))
+        torch.testing.assert_close(torch.stack(stepped, 1), expected, atol=1e-5, rtol=0)
+        plain = network(inputs, network.usual.expand(2, -1))
+        assert float((plain - expected).abs().max()) > 1e-3
 
 
 def test_half_ticks_lead_where_whole_ones_do(method: Recurrent) -> None:

@@ -7,15 +7,30 @@ import pytest
 import torch
 
 from train.loop import fit
-from train.recurrent.cage_runs import VALIDATION, CageRuns, load_run, run_files, save_run
+from train.recurrent.cage_runs import (
+    VALIDATION,
+    CageRuns,
+    load_run,
+    reference_cage,
+    run_files,
+    save_run,
+    simulate_cage,
+)
 from train.recurrent.objective import RecurrentObjective
-from train.recurrent.run import LOOPS, LOSSES
+from train.recurrent.run import LOOPS, LOSSES, RecurrentRun
+from train.recurrent.windows import Fitted
 from train.state import STATE
-from uvcloth.bodies.body import Body
+from uvcloth.bodies.body import Body, resized
 from uvcloth.checkpoint import load_checkpoint, load_tensors
+from uvcloth.errors import InputError
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.templates import fit_template
+from uvcloth.methods.physics.outfit import PhysicsConfig, make_caged_outfit
 from uvcloth.methods.recurrent.method import PRESETS, load_recurrent
-from uvcloth.methods.registry import SHIPPED
+from uvcloth.methods.registry import SHIPPED, load_method
 from uvcloth.motion.index import INDEX
+from uvcloth.motion.library import load_clip
+from uvcloth.physics.fabric import JERSEY
 
 pytest.importorskip("lightning")
 
@@ -59,17 +74,75 @@ def test_runs_that_are_there_are_kept(data: Path) -> None:
     assert [path.stat().st_mtime_ns for path in (first, held_out)] == times
 
 
+def test_a_run_on_another_body_has_the_points_of_the_default_one(body: Body) -> None:
+    """They hang below its own skinned garment by as much, a tenth more on a body a tenth larger."""
+    reference = reference_cage("skirt", "fast")
+    hanging = []
+    for worn in (body, resized(body, 1.1)):
+        prepared = make_caged_outfit(Outfit(worn, (fit_template("skirt", worn),)), PhysicsConfig("fast"))
+        still = load_clip("run", worn).transforms()[:1].expand(3, -1, -1, -1)
+        resting, skin, blend = simulate_cage(prepared, worn, still, reference)
+        assert resting.shape == (3, *reference.vertices.shape)
+        torch.testing.assert_close(blend.sum(1), torch.ones(len(blend)))
+        gaps = (skin[..., :3] * resting).sum(-1) - skin[..., 3]
+        assert -0.005 < float(gaps.min()) < 0.01  # At the waist cloth lies on the skin.
+        torch.testing.assert_close(gaps[gaps > 0.06], torch.ones(int((gaps > 0.06).sum())))
+        assert 0.0 < float((gaps > 0.06).float().mean()) < 1.0
+        hanging.append(resting[-1])
+    apart = (hanging[1] - 1.1 * hanging[0]).norm(dim=1).mean()
+    assert float(apart) < 0.35 * float(hanging[1].norm(dim=1).mean())
+
+
+def test_bodies_and_fabrics_are_drawn_for_half_of_the_training_alone(data: Path) -> None:
+    other = Path("another.npz")
+    runs = CageRuns(data, "skirt", data.parent / INDEX, CLIPS, bodies=(other,), fabrics=True)
+    drawn = [runs.drawn("train", number) for number in range(200)]
+    assert drawn == [runs.drawn("train", number) for number in range(200)]
+    assert 70 < sum(file == other for file, _ in drawn) < 130
+    assert 70 < sum(fabric != JERSEY for _, fabric in drawn) < 130
+    assert {runs.drawn("validation", number) for number in range(20)} == {(None, JERSEY)}
+
+
 def test_shapes_give_back_the_cage(data: Path, objective: RecurrentObjective) -> None:
     """Of the run and of its mirror image, from where the body has stood still."""
     runs, run = objective.runs["skirt"], load_run(run_files(data)[0])
     window, still = LOSSES["tiny"].window, LOSSES["tiny"].unscored
-    assert len(runs) == 2 * (len(run.offsets) + still - window + 1)
-    _, weights = runs.draw(torch.tensor([0.0]))
+    assert len(runs) == 2 * (len(run) + still - window + 1)
+    weights = runs.draw(torch.tensor([0.0])).weights
     assert torch.equal(weights[0, :still], weights[:1, 0].expand(still, -1))
     resting = runs.fitted.mean + torch.einsum("tk,knc->tnc", weights[0, still:], runs.fitted.shapes)
-    offsets = run.offsets[: window - still]
-    apart = (runs.posed(resting, run.transforms[: window - still]) - offsets).norm(dim=-1)
-    assert float(apart.mean()) < 0.25 * float(offsets.norm(dim=-1).mean())
+    offsets = run.resting[: window - still]
+    assert float((resting - offsets).norm(dim=-1).mean()) < 0.25 * float(offsets.norm(dim=-1).mean())
+
+
+def test_cloth_that_is_pushed_into_the_skin_is_inside_by_as_much(
+    data: Path, objective: RecurrentObjective
+) -> None:
+    run, fitted = load_run(run_files(data)[0]), objective.runs["skirt"].fitted
+    whole = Fitted(**vars(fitted) | {"mean": run.resting[5], "shapes": -run.skin[5:6, :, :3]})
+    near = run.skin[5, :, :3].norm(dim=-1) > 0.9
+    for depth in (0.0, 0.03):
+        inside = whole.inside(torch.tensor([depth]), run.skin[5], 0.0)[near]
+        gap = ((run.skin[5, :, :3] * run.resting[5]).sum(-1) - run.skin[5, :, 3])[near]
+        slope = run.skin[5, near, :3].square().sum(-1)
+        torch.testing.assert_close(inside, (depth * slope - gap).clamp(min=0.0), atol=1e-5, rtol=0)
+    assert float(inside.max()) > 0.02
+
+
+def test_training_goes_on_from_a_model(data: Path, body: Body, tmp_path: Path) -> None:
+    run = RecurrentRun(
+        data=(data,), out=tmp_path / "first", network=NETWORK, losses=LOSSES["tiny"], loop=LOOP
+    )
+    run.train()
+    further = replace(run, out=tmp_path / "second", start_from=tmp_path / "first")
+    further = replace(further, loop=replace(LOOP, steps=1, learning_rate=1e-9))
+    further.train()
+    first, second = (load_method(str(tmp_path / name), body) for name in ("first", "second"))
+    before, after = (method.networks.state_dict() for method in (first, second))
+    for name, tensor in before.items():
+        torch.testing.assert_close(tensor, after[name], atol=1e-4, rtol=1e-3)
+    with pytest.raises(InputError, match="is no recurrent model of these sizes"):
+        replace(further, out=tmp_path / "third", network=PRESETS["tiny"]).train()
 
 
 def test_an_interrupted_training_goes_on_exactly(objective: RecurrentObjective, tmp_path: Path) -> None:

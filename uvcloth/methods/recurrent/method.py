@@ -211,6 +211,7 @@ def _sizes(tensors: Mapping[str, Tensor], name: str) -> tuple[int, int, int, int
 
 PRESETS: dict[str, RecurrentConfig] = {
     "default": RecurrentConfig(),
+    "gpu": RecurrentConfig(),
     "tiny": RecurrentConfig(shapes=4, width=8),
 }
 

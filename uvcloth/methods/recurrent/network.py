@@ -27,7 +27,7 @@ class RecurrentConfig:
 
     shapes: int = 64
     """Blend shapes of a garment."""
-    width: int = 256
+    width: int = 192
     """Width of all layers and of the hidden state."""
     memory: bool = True
     """False: the hidden state stays zero, and a frame depends on the body's motion in it alone."""
