@@ -45,6 +45,14 @@ class RecurrentLosses:
             raise InputError(f"--unscored {self.unscored}: has to be less than --window less one")
 
 
+@dataclass(frozen=True)
+class Start:
+    """A model whose weights are trained further, and what it was made from."""
+
+    method: Recurrent
+    data: TrainingData
+
+
 class RecurrentObjective(Objective):
     """Networks of several garments, each on runs of its own."""
 
@@ -54,7 +62,7 @@ class RecurrentObjective(Objective):
         losses: RecurrentLosses,
         folders: Sequence[Path],
         body: Body,
-        start: Recurrent | None = None,
+        start: Start | None = None,
     ) -> None:
         self.config, self.losses, self.body, self.start = config, losses, body, start
         self.device = training_device()
@@ -65,7 +73,7 @@ class RecurrentObjective(Objective):
             if start is None:
                 runs.take_in()
             else:
-                runs.restore(Fitted.of(start.networks.of(runs.name)))
+                runs.restore(Fitted.of(start.method.networks.of(runs.name)))
         self._samples = torch.arange(max(map(len, made)))
         self._measure_units()
 
@@ -86,7 +94,7 @@ class RecurrentObjective(Objective):
             net.corners.copy_(runs.corners)
             net.shares.copy_(runs.shares)
             if self.start is not None:
-                net.load_state_dict(self.start.networks.of(name).state_dict())
+                net.load_state_dict(self.start.method.networks.of(name).state_dict())
             nets[name] = net
         return {"net": RecurrentNetworks(nets)}
 
@@ -167,14 +175,12 @@ class RecurrentObjective(Objective):
         return 1000.0 * float(torch.cat(errors).mean())
 
     def _data(self) -> TrainingData:
-        kinds = {"train": False, "validation": True}
-        return TrainingData(
-            files={},
-            clips={
-                kind: {clip: who for runs in self.runs.values() for clip, who in runs.clips(held).items()}
-                for kind, held in kinds.items()
-            },
-        )
+        before = {} if self.start is None else self.start.data.clips
+        clips = {kind: dict(before.get(kind, {})) for kind in ("train", "validation")}
+        for runs in self.runs.values():
+            clips["train"] |= runs.clips(held_out=False)
+            clips["validation"] |= runs.clips(held_out=True)
+        return TrainingData(clips=clips)
 
 
 def _length(values: Tensor) -> Tensor:

@@ -1,5 +1,6 @@
 """`uvcloth train recurrent`: its settings and presets."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -7,17 +8,19 @@ from typing import Annotated
 from tyro.conf import OmitArgPrefixes
 
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.checkpoint import load_checkpoint
 from uvcloth.commands.options import FOLDER, BodyFile
 from uvcloth.errors import InputError
 from uvcloth.files.options import NewFolder, Several
 from uvcloth.methods.recurrent.method import ENTRY as METHOD
-from uvcloth.methods.recurrent.method import Recurrent
+from uvcloth.methods.recurrent.method import load_recurrent
 from uvcloth.methods.recurrent.network import RecurrentConfig
-from uvcloth.methods.registry import load_method
+from uvcloth.methods.registry import model_folder
 
 from ..loop import LoopConfig, check_run, fit
 from ..trainer import TrainerEntry
-from .objective import RecurrentLosses, RecurrentObjective
+from .cage_runs import load_run, run_files
+from .objective import RecurrentLosses, RecurrentObjective, Start
 
 LOOPS: dict[str, LoopConfig] = {
     "default": LoopConfig(steps=2000, batch=12, weight_decay=0.01, validate_every=250, keep="last"),
@@ -44,7 +47,7 @@ class RecurrentRun:
     """Folder of the run: checkpoint, training state, TensorBoard."""
     preset: str = "default"
     """Preset of all settings below: default, gpu (the model that ships), or tiny."""
-    start_from: Path | None = None
+    start_from: str | None = None
     """Run folder or shipped model of the same sizes and garments, whose weights are trained further."""
     resume: bool = False
     """Continue the run in `out`."""
@@ -62,12 +65,20 @@ class RecurrentRun:
         objective = RecurrentObjective(self.network, self.losses, self.data, body, start)
         return fit(objective, self.out, self.loop, resume=self.resume)
 
-    def _start(self, folder: Path, body: Body) -> Recurrent:
+    def _start(self, model: str, body: Body) -> Start:
         """The model to go on from. Raises InputError if it is another method, or of other sizes."""
-        start = load_method(str(folder), body)
-        if not isinstance(start, Recurrent) or start.config != self.network:
-            raise InputError(f"--start-from {folder}: is no recurrent model of these sizes")
-        return start
+        folder = model_folder(model)
+        checkpoint = None if folder is None else load_checkpoint(folder, body)
+        if folder is None or checkpoint is None or checkpoint.method != "recurrent":
+            raise InputError(f"--start-from {model}: is no recurrent model")
+        method = load_recurrent(checkpoint, folder)
+        if method.config != self.network or not {*self._garments()} <= {*method.networks}:
+            raise InputError(f"--start-from {model}: is of other sizes, or lacks a garment of the data")
+        return Start(method, checkpoint.data)
+
+    def _garments(self) -> Iterator[str]:
+        for folder in self.data:
+            yield from (load_run(path).garment for path in run_files(folder)[:1])
 
 
 ENTRY = TrainerEntry(

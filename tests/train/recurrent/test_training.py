@@ -134,14 +134,14 @@ def test_training_goes_on_from_a_model(data: Path, body: Body, tmp_path: Path) -
         data=(data,), out=tmp_path / "first", network=NETWORK, losses=LOSSES["tiny"], loop=LOOP
     )
     run.train()
-    further = replace(run, out=tmp_path / "second", start_from=tmp_path / "first")
+    further = replace(run, out=tmp_path / "second", start_from=str(tmp_path / "first"))
     further = replace(further, loop=replace(LOOP, steps=1, learning_rate=1e-9))
     further.train()
     first, second = (load_method(str(tmp_path / name), body) for name in ("first", "second"))
     before, after = (method.networks.state_dict() for method in (first, second))
     for name, tensor in before.items():
         torch.testing.assert_close(tensor, after[name], atol=1e-4, rtol=1e-3)
-    with pytest.raises(InputError, match="is no recurrent model of these sizes"):
+    with pytest.raises(InputError, match="is of other sizes"):
         replace(further, out=tmp_path / "third", network=PRESETS["tiny"]).train()
 
 
