@@ -71,7 +71,7 @@ def test_a_garment_that_is_not_symmetric_has_no_mirror_image(body: Body, dress: 
     assert mirror_clips([clip], body, [cut]) == []
 
 
-@pytest.mark.parametrize("aside, symmetric", [(0.001, True), (0.0025, False)])
+@pytest.mark.parametrize(("aside", "symmetric"), [(0.001, True), (0.0025, False)])
 def test_a_garment_may_lie_off_its_mirror_image_by_five_millimetres(
     body: Body, dress: Garment, aside: float, symmetric: bool
 ) -> None:
