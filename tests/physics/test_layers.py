@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+import trimesh
 
 from uvcloth.physics.layers import Layer, wrong_side_percent
 
@@ -14,6 +15,16 @@ def test_points_over_and_under_a_sheet_and_beside_its_hem() -> None:
     found = Layer(SQUARE, FACES).beside(POINTS)
     assert found.covered.tolist() == [True, True, False, False]
     torch.testing.assert_close(found.distance[:2], torch.tensor([0.01, -0.01]))
+
+
+def test_normals_between_corners_are_blended() -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=2)
+    layer = Layer(torch.tensor(sphere.vertices).float(), torch.tensor(sphere.faces))
+    outwards = torch.tensor(sphere.triangles_center).float()
+    found = layer.beside(1.01 * outwards)
+    assert found.covered.all()
+    cosine = (found.normals * torch.nn.functional.normalize(outwards, dim=1)).sum(1)
+    assert float(cosine.min()) > 0.9999
 
 
 def test_the_share_counts_only_what_is_covered_at_each_frame() -> None:
