@@ -218,9 +218,9 @@ def rollout(
         for reason in frame.replaced:
             LOGGER.warning("%s; replaced by linear blend skinning", reason)
         placed = frame.in_world()
-        transforms[frame.index] = placed.transforms
+        transforms[frame.index] = placed.transforms.numpy()
         for array, values in zip(vertices, placed.vertices, strict=True):
-            array[frame.index] = values
+            array[frame.index] = values.numpy()
     for line in difficulties.lines():
         LOGGER.warning("%s: %s", ready.motion.name, line)
     names = tuple(name for name, _ in ready.proxied.named())

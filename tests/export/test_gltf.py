@@ -11,7 +11,7 @@ from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf import write_glb
-from uvcloth.export.gltf_scene import split_seams
+from uvcloth.export.gltf_scene import split_seams, unit_normals
 from uvcloth.geometry.skinning import skin
 
 
@@ -50,6 +50,14 @@ def test_seam_vertices_follow_the_mesh_s_own(animation: Animation) -> None:
     corners = torch.stack([mesh.faces.ravel(), mesh.face_uvs.ravel()], dim=1)
     assert len(source) == len(corners.unique(dim=0)) > len(mesh.vertices)
     assert len(uvs) == len(source)
+
+
+def test_normals_are_unit_and_a_vertex_without_faces_points_up(animation: Animation) -> None:
+    mesh = animation.meshes[0]
+    alone = torch.cat([mesh.vertices, torch.ones(1, 3)]).numpy()
+    normals = unit_normals(alone, mesh)
+    assert normals[-1].tolist() == [0.0, 0.0, 1.0]
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, atol=1e-5)
 
 
 def test_body_follows_its_joints(glb: GlbReader, animation: Animation) -> None:

@@ -97,7 +97,7 @@ def zero_pose(kind: str, roles: list[str], at: dict[str, np.ndarray], parents: l
 
     body: none. t_pose: arms to the sides, legs straight down. lying: that, turned from Z up to Y up. along_x:
     bones along +X and the axes of knees, elbows and hips along Z. along_y: bones along +Y, axes along X.
-    random: any rotation of every joint.
+    twisted: that, the shins turned by 55 degrees about their bones. random: any rotation of every joint.
     """
     if kind == "random":
         return Rotation.random(len(roles), rng=np.random.default_rng(5)).as_matrix()
@@ -120,6 +120,8 @@ def zero_pose(kind: str, roles: list[str], at: dict[str, np.ndarray], parents: l
     target = np.eye(3)[:, [0, 2, 1]] if kind == "along_x" else np.eye(3)[:, [1, 0, 2]]
     for index, role in enumerate(roles):
         zero[index] = frame(target[:, 0], target[:, 1]) @ frame(*bone_and_hinge(role, at)).T
+        if kind == "twisted" and role.endswith("shin"):
+            zero[index] = Rotation.from_euler("y", 55, degrees=True).as_matrix() @ zero[index]
     return zero
 
 

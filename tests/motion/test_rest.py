@@ -57,6 +57,15 @@ def test_a_named_frame_is_turned_about_the_vertical_alone(walk: Clip, tmp_path: 
     torch.testing.assert_close(across, torch.tensor([math.cos(0.1), -math.sin(0.1), 0.0]), atol=1e-3, rtol=0)
 
 
+def test_shins_whose_axes_are_turned_in_the_file_are_not_taken_for_untwisted(
+    walk: Clip, tmp_path: Path, body: Body
+) -> None:
+    path, layout = tmp_path / "walk.bvh", replace(FAMILIES["Rokoko"], zero="twisted")
+    write_layout(walk, layout, path)
+    gap = difference(load_clip(path, body), walk, layout.names())
+    assert gap.degrees < 25.0, gap
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [

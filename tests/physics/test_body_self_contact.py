@@ -9,7 +9,7 @@ from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
-from uvcloth.physics.self_contact import BODY_PARTS, PART_NAMES, SelfContact
+from uvcloth.physics.self_contact import BODY_PARTS, PART_NAMES, SelfContact, tolerances
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +56,21 @@ def test_a_forearm_may_touch_the_waist_and_not_enter_it(boxes: Body) -> None:
     assert not contact.clear(push(boxes, 0.022))
     # As clear as at rest once it is gone again: nothing is left over from the pose before.
     assert contact.clear(push(boxes, -0.01))
+
+
+def test_flesh_gives_way_by_centimetres_and_bone_by_one() -> None:
+    allowed = tolerances()
+    for first, second, metres in (
+        ("torso", "upper_arm", 0.03),
+        ("torso", "forearm", 0.02),
+        ("upper_arm", "forearm", 0.03),
+        ("torso", "thigh", 0.03),
+        ("thigh", "thigh", 0.03),
+        ("thigh", "calf", 0.03),
+        ("torso", "calf", 0.01),
+    ):
+        row, column = PART_NAMES.index(first), PART_NAMES.index(second)
+        assert float(allowed[row, column]) == float(allowed[column, row]) == pytest.approx(metres)
 
 
 def test_every_region_of_the_body_belongs_to_one_part() -> None:

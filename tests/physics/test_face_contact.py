@@ -90,6 +90,10 @@ def test_an_outer_garment_s_faces_keep_off_an_inner_one(body: Body) -> None:
 
     assert inside(turned.vertices) > 0.1
     assert inside(after) < 0.2 * inside(turned.vertices)
+    lack = FACE_CLEARANCE - float(
+        shell.closest(on_faces(turned.vertices, turned.faces)).signed_distance.min()
+    )
+    assert float((after - turned.vertices).norm(dim=1).max()) < 2.0 * lack
 
 
 def test_vertices_doubled_at_a_seam_stay_together(body: Body) -> None:

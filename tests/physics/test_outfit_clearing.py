@@ -14,7 +14,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.layers import Layer, wrong_side_percent
 from uvcloth.physics.obstacle import Obstacle
-from uvcloth.physics.outfit_clearing import CLEARANCE, OutfitClearing
+from uvcloth.physics.outfit_clearing import CLEARANCE, FOLLOWING, OutfitClearing
 
 
 def inside_percent(body: Body, mesh: Mesh, vertices: torch.Tensor, posed: torch.Tensor) -> float:
@@ -97,3 +97,22 @@ def test_an_outer_garment_keeps_off_the_inner_one_where_that_lies_now(body: Body
     layer = Layer(under, inner.faces)
     beside = layer.beside(over)
     assert beside.distance[beside.covered].median() > 0.9 * CLEARANCE
+
+
+def test_garments_that_follow_cages_move_only_where_they_are_too_close(body: Body) -> None:
+    inner, outer = (fit_template(name, body).mesh for name in ("tops", "jacket"))
+    clearing = OutfitClearing.of(body, [inner, outer])
+    shrunk = outer.vertices - 0.01 * torch.nn.functional.normalize(outer.vertices, dim=1)
+    collider = clearing.collider(body.mesh.vertices)
+    points = [
+        vertices[mesh.kept] for vertices, mesh in zip((inner.vertices, shrunk), clearing.meshes, strict=True)
+    ]
+    state, (under, over) = clearing.clear(points, collider, clearing.start(), FOLLOWING)
+    # What the skin alone asked for, before the layers.
+    origin = torch.from_numpy(points[0].double().numpy().mean(0))
+    before = (clearing.size * torch.from_numpy(state.positions).double() + origin).float()
+    before = before[len(points[0]) :][clearing.meshes[1].places]
+    moved = (over - before).norm(dim=1) > 1e-5
+    beside = Layer(under, inner.faces).beside(before)
+    assert moved.sum() > 20
+    assert (beside.covered & (beside.distance < CLEARANCE))[moved].all()

@@ -69,3 +69,12 @@ def test_a_garment_that_is_not_symmetric_has_no_mirror_image(body: Body, dress: 
     one_sided = dress.mesh.vertices[dress.mesh.faces].mean(1)[:, 0] > -0.1
     cut = replace(dress, mesh=replace(dress.mesh, faces=dress.mesh.faces[one_sided]))
     assert mirror_clips([clip], body, [cut]) == []
+
+
+@pytest.mark.parametrize(("aside", "symmetric"), [(0.001, True), (0.0025, False)])
+def test_a_garment_may_lie_off_its_mirror_image_by_five_millimetres(
+    body: Body, dress: Garment, aside: float, symmetric: bool
+) -> None:
+    there = dress.mesh.vertices + torch.tensor([aside, 0.0, 0.0])
+    shifted = replace(dress, mesh=replace(dress.mesh, vertices=there))
+    assert bool(mirror_clips([skinned_clip(body, dress)], body, [shifted])) is symmetric

@@ -79,6 +79,11 @@ def test_energies_by_hand(dataset: OutfitDataset) -> None:
     assert float(parts["stretch"]) == pytest.approx(15.0 * float((0.1 * lengths).square().sum()), rel=1e-3)
     assert float(parts["small"]) == pytest.approx(0.01 * len(points) * 3 * 0.02**2, rel=1e-4)
     assert float(parts["collision"]) == 0.0
+    sunk = skin(0.8 * points, belt.graph.smooth, belt.transforms[:2])
+    tight = replace(outfit, deformation={"physics": torch.zeros_like(longer)}, posed=sunk)
+    both = energy([belt, belt], [outfit, tight], [belt.transforms[:2]] * 2, average)
+    for name, meets in (("small", (True, False)), ("collision", (False, True))):
+        assert [bool(column.all()) for column in both[name].unbind(1)] == list(meets), name
     at_rest = replace(outfit, posed=points.expand(1, -1, 3) + far)
     alone = pack([belt.graph], CPU).average
     rest = energy([belt], [at_rest], [belt.transforms[:1]], alone)

@@ -4,14 +4,7 @@ import pytest
 import torch
 from torch.nn.functional import softplus
 
-from train.physxnet.patchgan import (
-    FAKE_LABELS,
-    FLIPPED,
-    REAL_LABELS,
-    PatchGAN,
-    discriminator_loss,
-    generator_loss,
-)
+from train.physxnet.patchgan import PatchGAN, discriminator_loss, generator_loss
 
 
 def test_a_logit_sees_one_patch_and_no_more() -> None:
@@ -41,8 +34,8 @@ def test_labels_are_soft_and_some_are_flipped(sure: float) -> None:
     """Cross-entropy softplus(x) - x y is linear in the label y, so the mean label is what counts."""
     torch.manual_seed(0)
     real = torch.full((20000, 1, 2, 2), sure)
-    high, low = sum(REAL_LABELS) / 2, sum(FAKE_LABELS) / 2
-    labels = [(1 - FLIPPED) * a + FLIPPED * b for a, b in ((high, low), (low, high))]
+    # The paper's labels: 0.7 to 1 and 0 to 0.3, one in twenty of them flipped.
+    labels = [0.95 * mean + 0.05 * (1.0 - mean) for mean in (0.85, 0.15)]
     expected = sum(
         float(softplus(torch.tensor(x))) - x * y for x, y in zip((sure, -sure), labels, strict=True)
     )
