@@ -25,7 +25,7 @@ from uvcloth.garments.placing import (
     lies_along,
 )
 from uvcloth.garments.pose import LEG, REST, Stance, has_arms, limbs_held, posed_body
-from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh, face_normals
 from uvcloth.geometry.units import UNITS
 from uvcloth.motion.roles import assign_roles
 from uvcloth.physics.surface import BodySurface
@@ -40,6 +40,9 @@ CLOTHED = ("torso", "upper_arm", "thigh")
 """Regions that most of the cloth is over."""
 
 SIDES = ("left", "right")
+
+TRUNK, SLICE = ("hips", "lower_spine", "middle_spine", "upper_spine"), 0.03
+"""Roles of the joints of the trunk, and metres over and under one within which is its slice of the trunk."""
 
 ARMS = (0.0, 20.0, 45.0, 65.0, 80.0)
 """Degrees below the horizontal at which straight arms are tried, besides the rest pose."""
@@ -195,7 +198,7 @@ class Standing:
     def __init__(self, body: Body, stance: Stance) -> None:
         self.stance = stance
         self.body = body if stance == REST else posed_body(body, limbs_held(body, stance))
-        heads, parents = self.body.skeleton.heads, self.body.skeleton.parents
+        heads, parents = _centred_joints(self.body), self.body.skeleton.parents
         bones = [(parent, joint) for joint, parent in enumerate(parents) if parent >= 0]
         self.starts, self.ends = heads[torch.tensor(bones)].unbind(1)
         if has_arms(body):
@@ -224,7 +227,9 @@ class Comparison:
             count: ClothSample.of(vertices, mesh.faces, count) for count in (FEW_POINTS, SOME_POINTS, POINTS)
         }
         self.boundaries = boundaries(vertices, mesh.faces)
-        trunk = body.mesh.vertices[body.mesh.faces[body.regions == REGIONS.index("torso")]].reshape(-1, 3)
+        areas = face_normals(vertices, mesh.faces).norm(dim=1, keepdim=True)
+        self.centroid = (areas * vertices[mesh.faces].mean(1)).sum(0) / areas.sum()
+        trunk = _trunk(body)
         self.middle = (trunk.amin(0) + trunk.amax(0)) / 2
         self.floor, top = body.mesh.vertices[:, 2].aminmax()
         self.height = float(top - self.floor)
@@ -238,7 +243,7 @@ class Comparison:
         frames, cloth = self.frames(places), self.cloth[count]
         points = self.placed(places, cloth.points)
         normals = torch.einsum("kij,pj->kpi", frames, cloth.normals)
-        beside = (points[..., 0].mean(1) - self.middle[0]).abs()
+        beside = (self.placed(places, self.centroid[None])[:, 0, 0] - self.middle[0]).abs()
         return (
             self._lying(points, normals, standing) + SIDE_COST * beside + self.opening_cost(places, standing)
         )
@@ -464,6 +469,22 @@ def _best_stance(
         best = min([best, *tried], key=lambda each: each.cost)
     misfit = float(comparison.misfit(best.place, best.standing, POINTS))
     return comparison.alignment(best.place, best.standing.stance, misfit)
+
+
+def _centred_joints(body: Body) -> Tensor:
+    """Joints (J, 3) m, those of the trunk midway between its front and its back: a spine is near the back."""
+    heads, roles = body.skeleton.heads.clone(), assign_roles(body.skeleton.names, {})
+    trunk = _trunk(body)
+    for joint in (roles[role] for role in TRUNK if role in roles):
+        near = trunk[(trunk[:, 2] - heads[joint, 2]).abs() < SLICE, 1]
+        if len(near):
+            heads[joint, 1] = (near.amin() + near.amax()) / 2
+    return heads
+
+
+def _trunk(body: Body) -> Tensor:
+    """Corners (C, 3) m of the faces of the trunk."""
+    return body.mesh.vertices[body.mesh.faces[body.regions == REGIONS.index("torso")]].reshape(-1, 3)
 
 
 def _up(up: str) -> Tensor:
