@@ -184,9 +184,9 @@ def _settled(path: Path, mesh: Mesh, diagnosis: Diagnosis, body: Body) -> tuple[
     settled = settle(mesh.vertices, mesh.faces, mesh.vertices, body)
     if settled.off > MOST_STRETCHED:
         return mesh, diagnosis
-    placed, found = diagnose(path, replace(mesh, vertices=settled.vertices), body, bound=True)
-    way = (*diagnosis.lines()[1:2], settled.text())
-    return placed, replace(found, pose=diagnosis.pose, fitting=tuple(line.strip() for line in way))
+    placed, after = diagnose(path, replace(mesh, vertices=settled.vertices), body, bound=True)
+    way = diagnosis.lines()[1].strip()
+    return placed, replace(after, pose=diagnosis.pose, fitting=(way, settled.text()))
 
 
 def _in_any_pose(path: Path, mesh: Mesh, body: Body) -> tuple[Mesh, Diagnosis]:
