@@ -62,6 +62,9 @@ HEIGHTS = (-0.48, 0.24, 13)
 RANKED, REFINED = 500, 8
 """Starts whose cloth is compared with the skin, and those that are refined."""
 
+AS_GOOD = 0.01
+"""Metres of the cost within which the other heading gets its stance too: clothes are alike from behind."""
+
 STANCES_REFINED = {"arms": 6, "legs": 2}
 """Poses of limbs that are refined, the cheapest at the place of the start: sleeves beside the arms may be
 cheap there.
@@ -414,7 +417,12 @@ def search(
         for row in best
     ]
     refined.sort(key=lambda each: each.cost)
-    return _best_stance(comparison, refined[0], standing, known)
+    likely = refined[0]
+    turned = [each for each in refined if _faces_away(each, likely) and each.cost < likely.cost + AS_GOOD]
+    posed = [_best_stance(comparison, each, standing, known) for each in (likely, *turned[:1])]
+    best = min(posed, key=lambda each: each.cost)
+    misfit = float(comparison.misfit(best.place, best.standing, POINTS))
+    return comparison.alignment(best.place, best.standing.stance, misfit)
 
 
 def _refined(
@@ -454,7 +462,7 @@ class _Refined:
 
 def _best_stance(
     comparison: Comparison, start: _Refined, standing: dict[Stance, Standing], known: Known
-) -> Alignment:
+) -> _Refined:
     """The stance that fits best: arms first, then legs, each refined where it starts well."""
     best = start
     for part in STANCES_REFINED:
@@ -467,8 +475,13 @@ def _best_stance(
         order = sorted(range(len(others)), key=costs.__getitem__)[: STANCES_REFINED[part]]
         tried = [_refined(comparison, best.place, others[index], known, POINTS, 0.4) for index in order]
         best = min([best, *tried], key=lambda each: each.cost)
-    misfit = float(comparison.misfit(best.place, best.standing, POINTS))
-    return comparison.alignment(best.place, best.standing.stance, misfit)
+    return best
+
+
+def _faces_away(one: _Refined, other: _Refined) -> bool:
+    """Test for two headings that are more than a right angle apart."""
+    apart = float(one.place.turn - other.place.turn)
+    return math.cos(math.radians(apart)) < 0.0
 
 
 def _centred_joints(body: Body) -> Tensor:
