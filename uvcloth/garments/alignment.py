@@ -420,9 +420,9 @@ def search(
     likely = refined[0]
     turned = [each for each in refined if _faces_away(each, likely) and each.cost < likely.cost + AS_GOOD]
     posed = [_best_stance(comparison, each, standing, known) for each in (likely, *turned[:1])]
-    found = min(posed, key=lambda each: each.cost)
-    misfit = float(comparison.misfit(found.place, found.standing, POINTS))
-    return comparison.alignment(found.place, found.standing.stance, misfit)
+    final = min(posed, key=lambda each: each.cost)
+    misfit = float(comparison.misfit(final.place, final.standing, POINTS))
+    return comparison.alignment(final.place, final.standing.stance, misfit)
 
 
 def _refined(
