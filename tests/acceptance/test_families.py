@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from tests.acceptance.families import made_up, on_another_mesh, written
+from tests.acceptance.families import FAMILIES, made_up, on_another_mesh, written
 from uvcloth.bodies.body import Body
 from uvcloth.garments.fit import read_on_body
 from uvcloth.garments.templates import fit_template
@@ -49,6 +49,16 @@ def test_a_garment_of_another_body_is_worn_where_ours_would_be(
     assert asymmetry(found) < asymmetry(ours) + 0.012
     assert placed.diagnosis.placing is None
     assert "Y up, shift" in placed.diagnosis.lines()[1]
+
+
+def test_a_waistband_that_lies_in_the_skin_settles_where_it_is(body: Body, tmp_path: Path) -> None:
+    made = made_up("smpl", "skirt", body)
+    placed = read_on_body(written(made.garment, tmp_path / "it.obj"), body)
+    modelled = made.garment.vertices @ torch.tensor(FAMILIES["smpl"].axes)
+    assert 0.01 < float((distances(modelled, body.mesh) < 0).float().mean()) < 0.05
+    assert float(distances(placed.mesh.vertices, body.mesh).min()) > 0.0
+    assert float((placed.mesh.vertices - modelled).norm(dim=1).mean()) < 0.02
+    assert "settled on the skin" in placed.diagnosis.lines()[2]
 
 
 @pytest.mark.parametrize(("family", "template"), [("vroid", "tops")])

@@ -2,6 +2,7 @@
 
 import base64
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -9,11 +10,9 @@ import torch
 
 from tests.characters.made_up import Piece, rewritten, write_character
 from uvcloth.bodies.body import REGIONS, Body, load_body
-from uvcloth.characters.clothes import clothes_of
 from uvcloth.characters.parts import sort_parts
 from uvcloth.characters.reader import read_character
 from uvcloth.commands.body import MakeBody
-from uvcloth.errors import InputError
 from uvcloth.files.image import write_png
 from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.loading import load_garment
@@ -66,9 +65,22 @@ def test_a_top_with_its_texture_is_taken_off_and_worn_again(
     assert float((centre - expected).norm()) < 0.03
 
 
-def test_a_character_without_clothes_is_refused(body: Body, tmp_path: Path) -> None:
+def test_a_character_without_clothes_becomes_a_body_and_the_report_says_so(
+    body: Body, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "bare.glb"
     write_character(path, body, pieces(body)[:1])
     character = read_character(path)
-    with pytest.raises(InputError, match=r"bare\.glb: no mesh or material is named as clothes; --drop names"):
-        clothes_of(path, sort_parts(character.parts, character.joints))
+    bare = SimpleNamespace(
+        body=body,
+        parts=sort_parts(character.parts, character.joints),
+        rigged=SimpleNamespace(guessed=False),
+        lines=list,
+    )
+    monkeypatch.setattr("uvcloth.commands.make_body.body_from_character", lambda *_: bare)
+    MakeBody(out=tmp_path / "bare.npz", character=path, clothes=tmp_path / "clothes").run()
+    said = capsys.readouterr().out
+    assert "nothing is named as clothes" in said
+    assert "--drop names them: N00_Body_SKIN" in said
+    assert (tmp_path / "bare.npz").exists()
+    assert not (tmp_path / "clothes").exists()

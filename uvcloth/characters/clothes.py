@@ -9,7 +9,6 @@ import torch
 from uvcloth.characters.look import polygons_of_parts
 from uvcloth.characters.parts import Sorted, is_clothing
 from uvcloth.characters.reader import Part
-from uvcloth.errors import InputError
 from uvcloth.formats.gltf_mesh import read_materials
 from uvcloth.geometry.authored import AuthoredMesh, SurfaceMaterial, UvSet
 from uvcloth.geometry.mesh import join_meshes, weld
@@ -21,17 +20,12 @@ def clothes_of(path: Path, parts: Sorted) -> Mapping[str, AuthoredMesh]:
     """The clothes among the sorted parts of the character in a glTF file, by name, at rest: metres, Z up.
 
     Parts are clothes by the words in their names, or because they were to be left out. Materials of one mesh
-    that is named as a garment are one garment, those of any other mesh one each. Raises InputError if the
-    character has no clothes, and for a file that cannot be read.
+    that is named as a garment are one garment, those of any other mesh one each; a character without clothes
+    has none. Raises InputError for a file that cannot be read.
     """
     groups: dict[str, list[Part]] = {}
     for part in (*filter(is_clothing, parts.surface), *parts.left_out):
         groups.setdefault(_name(part), []).append(part)
-    if not groups:
-        known = ", ".join(dict.fromkeys(part.material or part.name for part in parts.surface))
-        raise InputError(
-            f"{path}: no mesh or material is named as clothes; --drop names those that are, of {known}"
-        )
     materials = {material.name: material for material in read_materials(path)[0]}
     return {name: _garment(name, group, materials) for name, group in groups.items()}
 

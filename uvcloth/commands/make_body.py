@@ -90,8 +90,12 @@ def _of_character(path: Path, command: MakeBody) -> Body:
 
 
 def _take_off(path: Path, made: CharacterBody, folder: Path) -> Iterator[str]:
-    """Write the clothes of a character into a folder, and report on each, a line each."""
+    """Write the clothes of a character into a folder, and report on each, a line each; on none, one line."""
     garments = clothes_of(path, made.parts)
+    if not garments:
+        known = ", ".join(dict.fromkeys(part.material or part.name for part in made.parts.surface))
+        yield f"  nothing is named as clothes, so {folder} is not written; --drop names them: {known}"
+        return
     with sole_writer(folder):
         for name, mesh in garments.items():
             save_obj(mesh, folder / f"{name}.obj")

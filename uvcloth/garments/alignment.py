@@ -25,7 +25,7 @@ from uvcloth.garments.placing import (
     lies_along,
 )
 from uvcloth.garments.pose import LEG, REST, Stance, has_arms, limbs_held, posed_body
-from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh, face_normals
 from uvcloth.geometry.units import UNITS
 from uvcloth.motion.roles import assign_roles
 from uvcloth.physics.surface import BodySurface
@@ -40,6 +40,9 @@ CLOTHED = ("torso", "upper_arm", "thigh")
 """Regions that most of the cloth is over."""
 
 SIDES = ("left", "right")
+
+TRUNK, SLICE = ("hips", "lower_spine", "middle_spine", "upper_spine"), 0.03
+"""Roles of the joints of the trunk, and metres over and under one within which is its slice of the trunk."""
 
 ARMS = (0.0, 20.0, 45.0, 65.0, 80.0)
 """Degrees below the horizontal at which straight arms are tried, besides the rest pose."""
@@ -58,6 +61,9 @@ HEIGHTS = (-0.48, 0.24, 13)
 
 RANKED, REFINED = 500, 8
 """Starts whose cloth is compared with the skin, and those that are refined."""
+
+AS_GOOD = 0.01
+"""Metres of the cost within which the other heading gets its stance too: clothes are alike from behind."""
 
 STANCES_REFINED = {"arms": 6, "legs": 2}
 """Poses of limbs that are refined, the cheapest at the place of the start: sleeves beside the arms may be
@@ -195,7 +201,7 @@ class Standing:
     def __init__(self, body: Body, stance: Stance) -> None:
         self.stance = stance
         self.body = body if stance == REST else posed_body(body, limbs_held(body, stance))
-        heads, parents = self.body.skeleton.heads, self.body.skeleton.parents
+        heads, parents = _centred_joints(self.body), self.body.skeleton.parents
         bones = [(parent, joint) for joint, parent in enumerate(parents) if parent >= 0]
         self.starts, self.ends = heads[torch.tensor(bones)].unbind(1)
         if has_arms(body):
@@ -224,7 +230,9 @@ class Comparison:
             count: ClothSample.of(vertices, mesh.faces, count) for count in (FEW_POINTS, SOME_POINTS, POINTS)
         }
         self.boundaries = boundaries(vertices, mesh.faces)
-        trunk = body.mesh.vertices[body.mesh.faces[body.regions == REGIONS.index("torso")]].reshape(-1, 3)
+        areas = face_normals(vertices, mesh.faces).norm(dim=1, keepdim=True)
+        self.centroid = (areas * vertices[mesh.faces].mean(1)).sum(0) / areas.sum()
+        trunk = _trunk(body)
         self.middle = (trunk.amin(0) + trunk.amax(0)) / 2
         self.floor, top = body.mesh.vertices[:, 2].aminmax()
         self.height = float(top - self.floor)
@@ -238,7 +246,7 @@ class Comparison:
         frames, cloth = self.frames(places), self.cloth[count]
         points = self.placed(places, cloth.points)
         normals = torch.einsum("kij,pj->kpi", frames, cloth.normals)
-        beside = (points[..., 0].mean(1) - self.middle[0]).abs()
+        beside = (self.placed(places, self.centroid[None])[:, 0, 0] - self.middle[0]).abs()
         return (
             self._lying(points, normals, standing) + SIDE_COST * beside + self.opening_cost(places, standing)
         )
@@ -409,7 +417,12 @@ def search(
         for row in best
     ]
     refined.sort(key=lambda each: each.cost)
-    return _best_stance(comparison, refined[0], standing, known)
+    likely = refined[0]
+    turned = [each for each in refined if _faces_away(each, likely) and each.cost < likely.cost + AS_GOOD]
+    posed = [_best_stance(comparison, each, standing, known) for each in (likely, *turned[:1])]
+    final = min(posed, key=lambda each: each.cost)
+    misfit = float(comparison.misfit(final.place, final.standing, POINTS))
+    return comparison.alignment(final.place, final.standing.stance, misfit)
 
 
 def _refined(
@@ -449,7 +462,7 @@ class _Refined:
 
 def _best_stance(
     comparison: Comparison, start: _Refined, standing: dict[Stance, Standing], known: Known
-) -> Alignment:
+) -> _Refined:
     """The stance that fits best: arms first, then legs, each refined where it starts well."""
     best = start
     for part in STANCES_REFINED:
@@ -462,8 +475,29 @@ def _best_stance(
         order = sorted(range(len(others)), key=costs.__getitem__)[: STANCES_REFINED[part]]
         tried = [_refined(comparison, best.place, others[index], known, POINTS, 0.4) for index in order]
         best = min([best, *tried], key=lambda each: each.cost)
-    misfit = float(comparison.misfit(best.place, best.standing, POINTS))
-    return comparison.alignment(best.place, best.standing.stance, misfit)
+    return best
+
+
+def _faces_away(one: _Refined, other: _Refined) -> bool:
+    """Test for two headings that are more than a right angle apart."""
+    apart = float(one.place.turn - other.place.turn)
+    return math.cos(math.radians(apart)) < 0.0
+
+
+def _centred_joints(body: Body) -> Tensor:
+    """Joints (J, 3) m, those of the trunk midway between its front and its back: a spine is near the back."""
+    heads, roles = body.skeleton.heads.clone(), assign_roles(body.skeleton.names, {})
+    trunk = _trunk(body)
+    for joint in (roles[role] for role in TRUNK if role in roles):
+        near = trunk[(trunk[:, 2] - heads[joint, 2]).abs() < SLICE, 1]
+        if len(near):
+            heads[joint, 1] = (near.amin() + near.amax()) / 2
+    return heads
+
+
+def _trunk(body: Body) -> Tensor:
+    """Corners (C, 3) m of the faces of the trunk."""
+    return body.mesh.vertices[body.mesh.faces[body.regions == REGIONS.index("torso")]].reshape(-1, 3)
 
 
 def _up(up: str) -> Tensor:

@@ -45,6 +45,9 @@ OFF_LIMBS = 0.005
 MOST_INSIDE = 0.05
 """Share of the vertices inside the skin from which on too."""
 
+SOME_INSIDE = 0.01
+"""Share of them above which a garment is settled where it is."""
+
 BETTER = 0.8
 """Share of the misfit below which the alignment is preferred."""
 
@@ -163,14 +166,27 @@ def _usual(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diag
             return _aligned(path, mesh, body, how)
         except UnwearableError:
             raise error from None
+    inside = usual[1].inside_share
+    if inside > SOME_INSIDE:
+        usual = _settled(path, *usual, body)
     lies = lying(usual[0], body)
-    if lies.off_limbs < OFF_LIMBS and usual[1].inside_share < MOST_INSIDE:
+    if lies.off_limbs < OFF_LIMBS and inside < MOST_INSIDE:
         return usual
     try:
         aligned = _aligned(path, mesh, body, how)
     except UnwearableError:
         return usual
     return aligned if lying(aligned[0], body).misfit < BETTER * lies.misfit else usual
+
+
+def _settled(path: Path, mesh: Mesh, diagnosis: Diagnosis, body: Body) -> tuple[Mesh, Diagnosis]:
+    """A mesh on the rest pose, but partly in the skin, moved out of it where that does not tear it."""
+    settled = settle(mesh.vertices, mesh.faces, mesh.vertices, body)
+    if settled.off > MOST_STRETCHED:
+        return mesh, diagnosis
+    placed, after = diagnose(path, replace(mesh, vertices=settled.vertices), body, bound=True)
+    way = diagnosis.lines()[1].strip()
+    return placed, replace(after, pose=diagnosis.pose, fitting=(way, settled.text()))
 
 
 def _in_any_pose(path: Path, mesh: Mesh, body: Body) -> tuple[Mesh, Diagnosis]:
