@@ -27,12 +27,12 @@ def join_clips(first: Clip, second: Clip, seconds: float) -> Clip:
     share = fading(fade)
     change = to_axis_angles(last.rotations.mT @ rotations[:fade])
     turned = last.rotations @ from_axis_angles(share[:, None, None] * change)
-    moved = torch.lerp(last.translation, translation[:fade], share.to(translation)[:, None])
+    path = torch.lerp(last.translation, translation[:fade], share.to(translation)[:, None])
     whole = len(first) - fade
     return replace(
         first,
         rotations=torch.cat([first.rotations[:whole], turned, rotations[fade:]]),
-        translation=torch.cat([first.translation[:whole], moved, translation[fade:]]),
+        translation=torch.cat([first.translation[:whole], path, translation[fade:]]),
     )
 
 

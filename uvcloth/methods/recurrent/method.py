@@ -139,8 +139,8 @@ class Recurrent(Method, Riggable):
         )
 
     def _prepared(self, garment: Garment, body: Body, device: torch.device) -> RecurrentGarment:
-        own = self.networks.of(garment.name).conditioned(condition(body, garment.fabric))
-        network: RecurrentNetwork = for_inference(own, device)
+        told = self.networks.of(garment.name).conditioned(condition(body, garment.fabric))
+        network: RecurrentNetwork = for_inference(told, device)
         mean, shapes = (
             gather(values, network.corners, network.shares).mT for values in (network.mean, network.shapes)
         )

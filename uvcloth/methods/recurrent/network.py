@@ -65,7 +65,7 @@ class RecurrentNetwork(nn.Module):
         super().__init__()
         width, size, given = config.width, motion_size(joints), condition_size(joints)
         self.memory = config.memory
-        self.moved = nn.Linear(size, width)
+        self.motion = nn.Linear(size, width)
         self.given = nn.Linear(given, width, bias=False)
         self.enter = nn.Sequential(nn.ReLU(), nn.Dropout(config.dropout), nn.Linear(width, width), nn.ReLU())
         self.unit = nn.GRU(width, width, batch_first=True)
@@ -90,7 +90,7 @@ class RecurrentNetwork(nn.Module):
         inputs: (B, T, C), normalized. condition: (B, S), see `condition`.
         """
         given = self.given((condition - self.usual) * self.scale)
-        entered = self.enter(self.moved(inputs.clamp(-STRANGEST, STRANGEST)) + given[:, None])
+        entered = self.enter(self.motion(inputs.clamp(-STRANGEST, STRANGEST)) + given[:, None])
         hidden = self.unit(entered)[0] if self.memory else torch.zeros_like(entered)
         weights: Tensor = self.leave(torch.cat([entered, hidden], dim=-1))
         return weights
@@ -99,7 +99,7 @@ class RecurrentNetwork(nn.Module):
         """The network for one condition (S,), which is in its bias: `step` and rigs need no other input."""
         network = copy.deepcopy(self)
         with torch.no_grad():
-            network.moved.bias.add_(self.given(((condition - self.usual) * self.scale)[None])[0])
+            network.motion.bias.add_(self.given(((condition - self.usual) * self.scale)[None])[0])
             network.usual.copy_(condition)
         return network
 
@@ -109,7 +109,7 @@ class RecurrentNetwork(nn.Module):
         ticks: time since the last frame, in TICK. The gate z keeps the share z of the state in one tick,
         hence z^ticks in several: h' = n + z^ticks (h - n).
         """
-        entered = self.enter(self.moved(inputs.clamp(-STRANGEST, STRANGEST)))
+        entered = self.enter(self.motion(inputs.clamp(-STRANGEST, STRANGEST)))
         if self.memory:
             of_input, of_hidden, input_bias, hidden_bias = self.unit.all_weights[0]
             given = nn.functional.linear(entered, of_input, input_bias).chunk(3, dim=-1)
