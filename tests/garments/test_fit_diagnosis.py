@@ -83,11 +83,12 @@ def test_pieces_are_counted(suit, body, tmp_path):
 
 
 def test_the_share_inside_the_body_is_reported(suit, body, tmp_path):
-    shifted = suit.vertices + np.array([0.0, 0.0102, 0.0])
+    """Less than what settles."""
+    shifted = suit.vertices + np.array([0.0, 0.0088, 0.0])
     found = fit(saved(shifted, suit.faces, tmp_path / "suit.ply"), body).diagnosis
     inside = trimesh.Trimesh(body.mesh.vertices.numpy(), body.mesh.faces.numpy(), process=False)
-    assert found.inside_share == pytest.approx(inside.contains(shifted).mean(), abs=0.005)
-    assert found.inside_share > 0.01
+    assert found.inside_share == pytest.approx(inside.contains(shifted).mean(), abs=0.001)
+    assert found.inside_share > 0.003
 
 
 def test_bad_garments_are_refused_with_file_and_reason(suit, body, tmp_path):

@@ -22,7 +22,7 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest_outfit
-from uvcloth.methods.pbns.network import PBNSConfig
+from uvcloth.methods.pbns.network import PBNSConfig, PBNSNetwork
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.rig import pose_vectors
 from uvcloth.rollout import rollout
@@ -296,6 +296,18 @@ def test_a_saved_model_dresses_as_before(tmp_path: Path) -> None:
             # Half precision costs 1/2048 of blend shapes that are decimetres here.
             torch.testing.assert_close(vertices, again, atol=2e-4, rtol=0)
     assert (before[1].raw[0] - before[0].raw[0]).abs().max() > 0.01
+
+
+def test_shapes_that_no_training_pose_has_are_not_saved() -> None:
+    network = PBNSNetwork(PBNSConfig(width=8, layers=2), vertices=5, unique=5, joints=2, poses=4)
+    network.poses = torch.randn(4, 6)
+    with torch.no_grad():
+        network.layers[1].bias.copy_(torch.tensor([9.0, -9.0] * 4))
+    state = network.used()
+    smaller = PBNSNetwork(PBNSConfig(width=8, layers=2), 5, 5, 2, 4, shapes=len(state["shapes"]))
+    smaller.load_state_dict(state)
+    assert len(smaller.shapes) == 4
+    assert torch.equal(smaller.deform(network.poses), network.deform(network.poses))
 
 
 def other_config(**changed: object) -> Callable[[Path], None]:

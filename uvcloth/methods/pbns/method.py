@@ -205,7 +205,7 @@ def pbns_checkpoint(method: PBNS, body: Body, data: TrainingData, notes: dict[st
     """The checkpoint: the network, most of it in half precision, and the outfit that it is for."""
     tensors = {
         f"network.{name}": tensor.half() if name.startswith(HALF_PRECISION) else tensor
-        for name, tensor in method.network.state_dict().items()
+        for name, tensor in method.network.used().items()
     }
     for index, mesh in enumerate(method.garments.meshes):
         # Faces may serve as face_uvs too, which safetensors refuses to write twice.
@@ -228,7 +228,8 @@ def load_pbns(checkpoint: Checkpoint, folder: Path) -> PBNS:
     try:
         config = stored_config(checkpoint, PBNSConfig)
         state = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
-        counts = (len(state["owner"]), len(state["strongest"]), len(garments.heads), len(state["poses"]))
+        sizes = [len(state[name]) for name in ("owner", "strongest", "poses", "shapes")]
+        counts = (*sizes[:2], len(garments.heads), *sizes[2:])
         require_weights_of(lambda: PBNSNetwork(config, *counts), state)
         network = PBNSNetwork(config, *counts)
         network.load_state_dict(state)

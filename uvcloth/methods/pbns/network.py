@@ -41,7 +41,8 @@ class PBNSNetwork(nn.Module):
     """Pose embedding, blend shapes and blend weights for N vertices on J joints.
 
     Vertices at one place at rest (texture seams) are one to the network: owner (N,) int64 says which of U.
-    rest: (N, 3) m. poses: (M, 3 J) the training poses as vectors, which give the embedding its range.
+    rest: (N, 3) m. poses: (M, 3 J) the training poses as vectors, which give the embedding its range. shapes:
+    number of blend shapes, the width by default.
     """
 
     rest: Tensor
@@ -49,17 +50,34 @@ class PBNSNetwork(nn.Module):
     strongest: Tensor
     poses: Tensor
 
-    def __init__(self, config: PBNSConfig, vertices: int, unique: int, joints: int, poses: int) -> None:
+    def __init__(
+        self,
+        config: PBNSConfig,
+        vertices: int,
+        unique: int,
+        joints: int,
+        poses: int,
+        shapes: int | None = None,
+    ) -> None:
         super().__init__()
-        widths = [3 * joints, *[config.width] * config.layers]
+        shapes = config.width if shapes is None else shapes
+        widths = [3 * joints, *[config.width] * (config.layers - 1), shapes]
         self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(widths))
-        self.shapes = nn.Parameter(FIRST_SHAPE * torch.randn(config.width, 3 * unique))
+        self.shapes = nn.Parameter(FIRST_SHAPE * torch.randn(shapes, 3 * unique))
         influences = min(config.influences, joints)
         self.sharp_weights = nn.Parameter(torch.zeros(unique, influences))
         self.register_buffer("strongest", torch.zeros(unique, influences, dtype=torch.int64))
         self.register_buffer("rest", torch.zeros(vertices, 3))
         self.register_buffer("owner", torch.zeros(vertices, dtype=torch.int64))
         self.register_buffer("poses", torch.zeros(poses, 3 * joints))
+
+    @torch.no_grad()
+    def used(self) -> dict[str, Tensor]:
+        """The state without the blend shapes that no training pose has: their units never rise above zero."""
+        state, last = self.state_dict(), f"layers.{len(self.layers) - 1}"
+        kept = (self.embed(self.poses) > 0).any(0) if len(self.poses) else slice(None)
+        rows = ("shapes", f"{last}.weight", f"{last}.bias")
+        return {name: tensor[kept] if name in rows else tensor for name, tensor in state.items()}
 
     @property
     def joints(self) -> int:
