@@ -259,10 +259,10 @@ class CageRuns:
         reference = reference_cage(self.garment, self.quality)
         console = Console(stderr=True)
         begun, frames = time.process_time(), 0
-        for path, split, number in missing:
+        for path, split, captured, number in missing:
             file, fabric = self.drawn(split, number)
             body = _body(file)
-            motions = self._motions(split, body)
+            motions = replace(captured, body=body)
             entry, transforms = motions.entry(number), motions.transforms(number)
             garment = replace(_garment(self.garment, body), fabric=fabric)
             try:
@@ -299,16 +299,15 @@ class CageRuns:
                 fabric = draw_fabric(generator)
         return file, fabric
 
-    def _motions(self, split: str, body: Body) -> Motions:
-        return Motions.of_split(split, self.windows, self.clips_from, body, self.seed)
-
-    def _missing(self) -> Iterator[tuple[Path, str, int]]:
-        """The file of each run to make, its split, and its number in it."""
+    def _missing(self) -> Iterator[tuple[Path, str, Motions, int]]:
+        """The file of each run to make, its split, the motions of that, and its number among them."""
+        body = _body(self.body)
         for split, folder in (("validation", self.data / VALIDATION), ("train", self.data)):
-            clips = len(self._motions(split, _body(self.body)).entries)
-            for number in range(self.first, self.runs if split == "train" else clips, self.every):
+            motions = Motions.of_split(split, self.windows, self.clips_from, body, self.seed)
+            runs = self.runs if split == "train" else len(motions.entries)
+            for number in range(self.first, runs, self.every):
                 if not run_file(folder, number).exists():
-                    yield run_file(folder, number), split, number
+                    yield run_file(folder, number), split, motions, number
 
 
 @lru_cache(PREPARED_BODIES)

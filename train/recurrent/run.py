@@ -46,7 +46,7 @@ class RecurrentRun:
     out: Annotated[Path, NewFolder()]
     """Folder of the run: checkpoint, training state, TensorBoard."""
     preset: str = "default"
-    """Preset of all settings below: default, gpu (the model that ships), or tiny."""
+    """Preset of all settings below: default, gpu (larger batches, for a GPU), or tiny."""
     start_from: str | None = None
     """Run folder or shipped model of the same sizes and garments, whose weights are trained further."""
     resume: bool = False

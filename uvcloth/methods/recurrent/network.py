@@ -89,8 +89,8 @@ class RecurrentNetwork(nn.Module):
 
         inputs: (B, T, C), normalized. condition: (B, S), see `condition`.
         """
-        given = self.given((condition - self.usual) * self.scale)
-        entered = self.enter(self.motion(inputs.clamp(-STRANGEST, STRANGEST)) + given[:, None])
+        told = self._told(condition)[:, None]
+        entered = self.enter(self.motion(inputs.clamp(-STRANGEST, STRANGEST)) + told)
         hidden = self.unit(entered)[0] if self.memory else torch.zeros_like(entered)
         weights: Tensor = self.leave(torch.cat([entered, hidden], dim=-1))
         return weights
@@ -99,9 +99,14 @@ class RecurrentNetwork(nn.Module):
         """The network for one condition (S,), which is in its bias: `step` and rigs need no other input."""
         network = copy.deepcopy(self)
         with torch.no_grad():
-            network.motion.bias.add_(self.given(((condition - self.usual) * self.scale)[None])[0])
+            network.motion.bias.add_(self._told(condition))
             network.usual.copy_(condition)
         return network
+
+    def _told(self, condition: Tensor) -> Tensor:
+        """The share of a condition (..., S) in the first layer: (..., H)."""
+        told: Tensor = self.given((condition - self.usual) * self.scale)
+        return told
 
     def step(self, inputs: Tensor, hidden: Tensor, ticks: Tensor | float) -> tuple[Tensor, Tensor]:
         """One frame in the usual condition: motion (B, C), hidden (B, H) -> weights (B, K), the next hidden.
