@@ -49,6 +49,7 @@ STAGES = {
     "opened collider": "uvcloth.physics.outfit_clearing:OutfitClearing.collider",
     "solver": "uvcloth.methods.physics.outfit:step",
     "clearing off the body": "uvcloth.physics.outfit_clearing:clear",
+    "covering of skin": "uvcloth.physics.covering:Covering.cover",
     "clearing off layers": "uvcloth.physics.outfit_clearing:_lift",
     "network": "uvcloth.methods.physxnet.network:GarmentNet.forward",
 }

@@ -107,7 +107,7 @@ def test_garments_that_follow_cages_move_only_where_they_are_too_close(body: Bod
     points = [
         vertices[mesh.kept] for vertices, mesh in zip((inner.vertices, shrunk), clearing.meshes, strict=True)
     ]
-    state, (under, over) = clearing.clear(points, collider, clearing.start(), FOLLOWING)
+    state, (under, over) = clearing.clear(points, collider, body.mesh.vertices, clearing.start(), FOLLOWING)
     # What the skin alone asked for, before the layers.
     origin = torch.from_numpy(points[0].double().numpy().mean(0))
     before = (clearing.size * torch.from_numpy(state.positions).double() + origin).float()

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from rasterize.gather import gather
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.mesh import Mesh, face_normals, join_meshes
+from uvcloth.geometry.mesh import JoinedMesh, Mesh, face_normals, join_meshes
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.surface import MovingMeshes
@@ -88,11 +88,35 @@ class Shell(MovingMeshes):
         Returns distances (P,) m, beyond the reach where nothing is within, and the cosines (P,) between ray
         and normal there: negative from outside.
         """
-        distance, facing = torch.empty_like(points[:, 0]), torch.empty_like(points[:, 0])
-        query = map(array, (points.contiguous(), directions.contiguous()))
-        outputs = map(array, (distance, facing))
-        launch(kernels.first_hit, len(points), self.device, self._id, *query, reach, *outputs)
+        distance, facing, _, _ = self.first_faces(points, directions, reach)
         return distance, facing
+
+    def first_faces(
+        self, points: Tensor, directions: Tensor, reach: float
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """First hits as of `first_hit`, with the faces (P,) int64 that are met, and barycentrics (P, 3)."""
+        distance, facing = torch.empty_like(points[:, 0]), torch.empty_like(points[:, 0])
+        faces = torch.zeros(len(points), dtype=torch.int32, device=points.device)
+        barycentrics = torch.zeros_like(points)
+        query = map(array, (points.contiguous(), directions.contiguous()))
+        outputs = map(array, (distance, facing, faces, barycentrics))
+        launch(kernels.first_hit, len(points), self.device, self._id, *query, reach, *outputs)
+        return distance, facing, faces.long(), barycentrics
+
+
+@dataclass(frozen=True)
+class ShownSkin:
+    """Points of the skin that show through cloth, K of them, and the cloth beneath each.
+
+    rows: (K,) of the points among the covered ones. normals: (K, 3) of the skin. depths: (K,) m from the skin
+    to the cloth. faces: (K,) of the cloth. barycentrics: (K, 3) there.
+    """
+
+    rows: Tensor
+    normals: Tensor
+    depths: Tensor
+    faces: Tensor
+    barycentrics: Tensor
 
 
 class Exposure:
@@ -104,26 +128,31 @@ class Exposure:
     Skin that a hem has left bare does not count. covered: these points.
     """
 
-    def __init__(self, body: Body, garments: Sequence[Mesh]) -> None:
-        """Find the covered points; garments: as they lie on the body at rest."""
+    def __init__(self, body: Body, garments: Sequence[Mesh | JoinedMesh], count: int = SKIN_POINTS) -> None:
+        """Find the covered points among `count`; garments: as they lie on the body at rest."""
         self._cloth, self._body = _shells(body, garments)
-        everywhere = spread(body.mesh.vertices, body.mesh.faces, SKIN_POINTS)
+        everywhere = spread(body.mesh.vertices, body.mesh.faces, count)
         covered = _covered(self._cloth, self._body, everywhere, body.mesh.vertices)
         self.covered = everywhere.subset(covered)
 
-    def shows(self, garments: Sequence[Tensor], body_vertices: Tensor) -> Tensor:
-        """Mask of the covered points of a posed body (V, 3) m that show through garments (N, 3) m: (P,)."""
+    def shown(self, garments: Sequence[Tensor], body_vertices: Tensor) -> ShownSkin:
+        """Covered points of a posed body (V, 3) m that show through garments (N, 3) m."""
         self._cloth.update(torch.cat(list(garments)))
         points, normals = self.covered.oriented(body_vertices)
-        cloth, facing = self._cloth.first_hit(points, -normals, UNDER_SKIN_DISTANCE)
-        shows = (cloth < UNDER_SKIN_DISTANCE) & (facing < 0)
-        rows = torch.nonzero(shows).squeeze(1)
+        depths, facing, faces, barycentrics = self._cloth.first_faces(points, -normals, UNDER_SKIN_DISTANCE)
+        rows = torch.nonzero((depths < UNDER_SKIN_DISTANCE) & (facing < 0)).squeeze(1)
         if len(rows):
             self._body.update(body_vertices)
-            points, normals = points[rows], normals[rows]
-            folds, _ = self._cloth.first_hit(points, normals, HIDING_DISTANCE)
-            limbs, _ = self._body.first_hit(points + RAY_START_HEIGHT * normals, normals, HIDING_DISTANCE)
-            shows[rows] = (folds >= HIDING_DISTANCE) & (limbs >= HIDING_DISTANCE)
+            points, above = points[rows], normals[rows]
+            folds, _ = self._cloth.first_hit(points, above, HIDING_DISTANCE)
+            limbs, _ = self._body.first_hit(points + RAY_START_HEIGHT * above, above, HIDING_DISTANCE)
+            rows = rows[(folds >= HIDING_DISTANCE) & (limbs >= HIDING_DISTANCE)]
+        return ShownSkin(rows, *(values[rows] for values in (normals, depths, faces, barycentrics)))
+
+    def shows(self, garments: Sequence[Tensor], body_vertices: Tensor) -> Tensor:
+        """Mask (P,) of the covered points of a posed body (V, 3) m that show through garments (N, 3) m."""
+        shows = torch.zeros(len(self.covered.corners), dtype=torch.bool, device=body_vertices.device)
+        shows[self.shown(garments, body_vertices).rows] = True
         return shows
 
     def percent(self, garments: Sequence[Tensor], body_vertices: Tensor) -> float:
@@ -139,7 +168,7 @@ def covered_skin(body: Body, garments: Sequence[Mesh]) -> Tensor:
     return _covered(*_shells(body, garments), middles, mesh.vertices)
 
 
-def _shells(body: Body, garments: Sequence[Mesh]) -> tuple[Shell, Shell]:
+def _shells(body: Body, garments: Sequence[Mesh | JoinedMesh]) -> tuple[Shell, Shell]:
     """The garments as one mesh, and the body, at rest."""
     outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in garments)
     return Shell(outfit.vertices, outfit.faces), Shell(body.mesh.vertices, body.mesh.faces)

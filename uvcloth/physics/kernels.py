@@ -205,6 +205,8 @@ def first_hit(
     reach: float,
     distance: wp.array(dtype=float),
     facing: wp.array(dtype=float),
+    face: wp.array(dtype=int),
+    barycentrics: wp.array(dtype=wp.vec3),
 ):
     """Find the first hit of a ray from each point on a mesh: its distance, FAR if not within reach.
 
@@ -217,6 +219,8 @@ def first_hit(
     if hit.result:
         distance[i] = hit.t
         facing[i] = wp.dot(hit.normal, directions[i])
+        face[i] = hit.face
+        barycentrics[i] = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
 
 
 @wp.kernel

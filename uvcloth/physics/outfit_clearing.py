@@ -16,6 +16,7 @@ from uvcloth.geometry.mesh import Mesh, WeldedMesh, join_meshes, unique_edges, w
 from uvcloth.physics.cloth import moving_body
 from uvcloth.physics.cloth.clearing import FineMesh, FineState, clear, follow
 from uvcloth.physics.cloth.cloth import vertex_rings
+from uvcloth.physics.covering import Covering
 from uvcloth.physics.layer_thickness import outfit_thickness
 from uvcloth.physics.layers import InnerLayer, Layer, inner_layer
 from uvcloth.physics.layers_between import kept_apart
@@ -51,7 +52,8 @@ class OutfitClearing:
     garments, welded. closed: the body as closed parts. opening: moves these apart to give cloth room. used:
     (C,) the collider's vertices of the parts that cloth may touch. fine, solid: for the kernel, of an adult's
     size; cages_solid: the same collider for the cages. apart: (G, G) bool, pairs of garments that never meet.
-    layers: of each garment those beneath it that it may meet, by their places among the garments.
+    layers: of each garment those beneath it that it may meet, by their places among the garments. covering:
+    of the skin that the garments cover at rest, in metres of this body.
     """
 
     size: float
@@ -64,6 +66,7 @@ class OutfitClearing:
     cages_solid: moving_body.Body
     apart: Tensor
     layers: tuple[dict[int, InnerLayer], ...]
+    covering: Covering
 
     @classmethod
     def of(cls, body: Body, meshes: Sequence[Mesh], cages: Tensor | None = None) -> "OutfitClearing":
@@ -97,6 +100,7 @@ class OutfitClearing:
             solid._replace(touches=np.ascontiguousarray(cages_touch[met].numpy())),
             apart,
             tuple(_layers(sized, touch_bits(touches), apart)),
+            Covering.of(body, join_meshes((each.points, each.faces) for each in garments)),
         )
 
     def collider(self, body_vertices: Tensor) -> NDArray[np.float32]:
@@ -115,11 +119,17 @@ class OutfitClearing:
         )
 
     def clear(
-        self, points: Sequence[Tensor], collider: NDArray[np.float32], before: FineState, effort: Effort
+        self,
+        points: Sequence[Tensor],
+        collider: NDArray[np.float32],
+        body_vertices: Tensor,
+        before: FineState,
+        effort: Effort,
     ) -> tuple[FineState, tuple[Tensor, ...]]:
         """Move the points (U, 3) m of each welded garment off the collider (C, 3) m, and off each other.
 
-        before: of the frame before, which saves time, or of the start. Returns the garments (N, 3) m.
+        body_vertices: (V, 3) m, the posed body, whose skin they cover. before: of the frame before, which
+        saves time, or of the start. Returns the garments (N, 3) m.
         """
         # Rounding is that of the innermost garment alone, whatever is worn over it.
         origin = points[0].double().numpy().mean(0)
@@ -130,6 +140,8 @@ class OutfitClearing:
         )
         sizes = [len(each.points) for each in self.meshes]
         lifted = torch.from_numpy(fine.positions.copy())
+        skin = (body_vertices.cpu().double() - torch.from_numpy(origin)) / self.size
+        self.covering.cover(lifted, skin.float(), self._follow)
         for outer, layers in enumerate(self.layers):
             parts = lifted.split(sizes)
             for inner, beneath in layers.items():
@@ -138,7 +150,7 @@ class OutfitClearing:
                 moves = torch.zeros_like(lifted)
                 _lift(parts[outer], layers.values(), moves.split(sizes)[outer])
                 if turn < effort.lifts - 1:
-                    follow(self.fine, lifted.numpy(), moves.numpy())
+                    self._follow(lifted, moves)
         garments = (self.size * lifted.double() + torch.from_numpy(origin)).float().split(sizes)
         return fine, tuple(
             vertices[mesh.places] for vertices, mesh in zip(garments, self.meshes, strict=True)
@@ -149,8 +161,13 @@ class OutfitClearing:
         points = [
             vertices.detach().cpu()[mesh.kept] for vertices, mesh in zip(garments, self.meshes, strict=True)
         ]
-        _, finished = self.clear(points, self.collider(body_vertices), self.start(), PREDICTED)
+        collider = self.collider(body_vertices)
+        _, finished = self.clear(points, collider, body_vertices, self.start(), PREDICTED)
         return tuple(after.to(raw.device) for after, raw in zip(finished, garments, strict=True))
+
+    def _follow(self, positions: Tensor, moves: Tensor) -> None:
+        """Let vertices (U, 3) m that did not move follow their neighbours' moves (U, 3) m, in place."""
+        follow(self.fine, positions.numpy(), moves.numpy())
 
 
 def _layers(

@@ -105,7 +105,7 @@ class Finished(Finish):
             predicted = [garment[place].cpu() for garment in raw]
             targets = _targets(cages, skinned, predicted)
             after = next_frame(cages, before, cages.collider(vertices), targets, self.pull, frames.fps)
-            after, garments = carry(cages, after, skinned, cages.skinned(transforms))
+            after, garments = carry(cages, after, skinned, cages.skinned(transforms), vertices)
             cloth.append(after)
             rows.append(_where_finite(predicted, garments))
         finished = tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
@@ -152,7 +152,7 @@ class Settled(Finish):
                 cloth = at_rest(cages, cages.collider(vertices), targets, self.pull)
             else:
                 cloth = dressed(cages, frames.body, transforms)
-            garments = carry(cages, cloth, skinned, cages.skinned(transforms))[1]
+            garments = carry(cages, cloth, skinned, cages.skinned(transforms), vertices)[1]
             rows.append(_where_finite(predicted, garments))
         return state, tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
 

@@ -54,7 +54,7 @@ class Physics(Method, Representation):
         for before, (transforms, vertices) in zip(state, posed(frames), strict=True):
             targets = prepared.skinned_cages(transforms)
             after = next_frame(prepared, before, prepared.collider(vertices), targets, 0.0, frames.fps)
-            after, garments = carry(prepared, after, targets, prepared.skinned(transforms))
+            after, garments = carry(prepared, after, targets, prepared.skinned(transforms), vertices)
             following.append(after)
             rows.append(garments)
         device = frames.vertices.device

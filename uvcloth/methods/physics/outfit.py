@@ -283,19 +283,23 @@ def _settled(
 
 
 def carry(
-    prepared: CagedOutfit, state: CagedState, cages: NDArray[np.float32], garments: Sequence[Tensor]
+    prepared: CagedOutfit,
+    state: CagedState,
+    cages: NDArray[np.float32],
+    garments: Sequence[Tensor],
+    body_vertices: Tensor,
 ) -> tuple[CagedState, tuple[Tensor, ...]]:
     """Garments (N, 3) m that follow their cages, cleared off the body and off each other.
 
-    cages: (n, 3) m and garments: (U, 3) m of each, skinned in one pose. The offsets of the cloth from the
-    cages are added to the garments.
+    cages: (n, 3) m, garments: (U, 3) m of each, and body_vertices: (V, 3) m, skinned in one pose. The offsets
+    of the cloth from the cages are added to the garments.
     """
     offsets = torch.from_numpy((state.cloth.vertices() - cages).astype(np.float32))
     points = [
         near + each.cage.at_garment(offsets[each.rows])
         for each, near in zip(prepared.garments, garments, strict=True)
     ]
-    fine, finished = prepared.clearing.clear(points, state.body, state.fine, FOLLOWING)
+    fine, finished = prepared.clearing.clear(points, state.body, body_vertices, state.fine, FOLLOWING)
     return replace(state, fine=fine), finished
 
 
