@@ -2,6 +2,9 @@
 
 PYTHONPATH=. python benchmarks/versions.py --folder ../versions [--only newest-3.13] [--tests tests/motion]
 
+A run that was stopped goes on with the tests that have no outcome yet: lines of FOLDER/NAME-COMMIT.jsonl.
+With changes that are not committed it begins anew.
+
 Needs uv (`pip install uv`) and the Pythons, which uv finds or brings; those of pyenv it finds with
 PYENV_VERSION=3.11.7:3.12.1:3.13.0, say. Environments are made once, outside the checkout; on Linux each
 takes 7 GB where only PyTorch's CUDA build is to be had.
@@ -10,13 +13,16 @@ takes 7 GB where only PyTorch's CUDA build is to be had.
 import os
 import subprocess
 import sys
-import time
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+import pytest
 import tyro
 from rich.console import Console
 from rich.table import Table
+
+from benchmarks.resumed import read_outcomes
 
 ENVIRONMENTS = {
     "lowest-3.11": ("3.11", "lowest-direct"),
@@ -70,10 +76,12 @@ def main() -> None:
     table = Table("environment", *SHOWN, "tests", "minutes")
     for name in options.only:
         python = made(name, options)
-        begun = time.perf_counter()
-        outcome = run_tests(python, options.folder / f"cache-{name}", options.tests)
-        minutes = (time.perf_counter() - begun) / 60
-        table.add_row(name, *versions(python), outcome, f"{minutes:.0f}")
+        outcomes = options.folder.resolve() / f"{name}-{commit()}.jsonl"
+        if outcomes.stem.endswith("-dirty"):
+            outcomes.unlink(missing_ok=True)
+        ended = run_tests(python, options.folder / f"cache-{name}", outcomes, options.tests)
+        said, minutes = summary(outcomes)
+        table.add_row(name, *versions(python), f"{said}{ended}", f"{minutes:.0f}")
     Console().print(table)
 
 
@@ -100,17 +108,31 @@ def versions(python: Path) -> list[str]:
     return answer.stdout.split()
 
 
-def run_tests(python: Path, cache: Path, tests: tuple[str, ...]) -> str:
-    """The last line of pytest, whose output is passed on. Kernels of other versions are not used."""
-    options = ("-u", "-X", "faulthandler", "-m", "pytest", "-p", "no:cacheprovider", "-vv", "-rfE")
-    command = [str(python), *options, *tests]
+def commit() -> str:
+    """The commit of the checkout, which ends with -dirty where files differ from it."""
+    command = ["git", "describe", "--always", "--dirty", "--exclude", "*"]
+    return subprocess.run(command, capture_output=True, encoding="utf-8", check=True).stdout.strip()
+
+
+def run_tests(python: Path, cache: Path, outcomes: Path, tests: tuple[str, ...]) -> str:
+    """Run the tests that have no outcome; says how pytest ended if it broke off.
+
+    Kernels of other versions are not used.
+    """
+    plugin = ("-p", "benchmarks.resumed", "--outcomes", str(outcomes))
+    options = ("-u", "-X", "faulthandler", "-m", "pytest", "-p", "no:cacheprovider", "-vv", "-rfE", *plugin)
     own = {"UVCLOTH_CACHE": str(cache.resolve()), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": ""}
-    last = ""
-    with subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8", env=os.environ | own) as process:
-        for line in process.stdout or ():
-            print(line, end="", flush=True)
-            last = line.strip("= \n") or last
-    return last if process.returncode in (0, 1) else f"ended with {process.returncode}"
+    code = subprocess.run([python, *options, *tests], check=False, env=os.environ | own).returncode
+    ended = (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.NO_TESTS_COLLECTED)
+    return "" if code in ended else f"; ended with {code}"
+
+
+def summary(outcomes: Path) -> tuple[str, float]:
+    """How many tests had each outcome, and the minutes that they took."""
+    rows = list(read_outcomes(outcomes).values())
+    counts = Counter(row["outcome"] for row in rows)
+    said = ", ".join(f"{count} {outcome}" for outcome, count in counts.most_common())
+    return said, sum(row["seconds"] for row in rows) / 60
 
 
 if __name__ == "__main__":

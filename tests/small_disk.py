@@ -1,5 +1,6 @@
 """A disk of a few megabytes, to fill and to write-protect."""
 
+import gc
 import os
 import subprocess
 from collections.abc import Iterator
@@ -27,6 +28,8 @@ def leave_room(disk: Path, room: int) -> None:
     """Fill a disk, emptied before, but for so many bytes, rounded down to pages."""
     for entry in disk.iterdir():
         entry.unlink()
+    # A write that failed may keep its unlinked files open in a cycle, whose room comes back at any time.
+    gc.collect()
     free = os.statvfs(disk)
     (disk / BALLAST).write_bytes(bytes(free.f_bavail * free.f_frsize - room))
 

@@ -161,7 +161,8 @@ def installed(what: str, inputs: Path) -> Iterator[Installation]:
     with tempfile.TemporaryDirectory(prefix="uvcloth-wheel-") as place:
         folder = Path(place)
         subprocess.run([sys.executable, "-m", "venv", folder / "venv"], check=True)
-        pip = [folder / "venv" / SCRIPTS / "python", "-m", "pip", "install", "-qq", "--no-compile"]
+        # Of a checkout on PYTHONPATH pip would say that it is installed already.
+        pip = [folder / "venv" / SCRIPTS / "python", "-I", "-m", "pip", "install", "-qq", "--no-compile"]
         pins = ["--constraint", ROOT / "constraints.txt"]
         subprocess.run([*pip, *pins, what], check=True, cwd=folder)
         shutil.copytree(inputs, folder / "work")

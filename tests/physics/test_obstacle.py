@@ -100,9 +100,11 @@ def test_percent_inside_follows_the_body() -> None:
     mesh = fit_template("tops", body).mesh
     frames = mesh.vertices.expand(2, -1, -1)
     apart = torch.stack([body.mesh.vertices, body.mesh.vertices + torch.tensor([0.0, 0.05, 0.0])])
-    percent = worn.inside_percent(frames, worn.contact_garment(mesh.vertices), apart)
+    garment = worn.contact_garment(mesh.vertices)
+    percent = worn.inside_percent(frames, garment, apart)
     assert percent[0] == 0
     assert percent[1] > 20
+    assert worn.inside_percent(frames[:0], garment, apart[:0]).shape == (0,)
 
 
 @pytest.mark.parametrize("name", ["walk", "jump"])

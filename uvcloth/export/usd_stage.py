@@ -14,8 +14,11 @@ from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.render import Color
 
-MAX_UNSAVED = 64_000_000
-"""Bytes of samples kept in memory between saves, which are rare: each repeats the stage's tables."""
+MAX_UNSAVED = 16_000_000
+"""Bytes of samples kept in memory between saves, which are rare: each repeats the stage's tables.
+
+Of 10,000 frames of 400 vertices the repeated tables are 1 % of the file, of 40,000 frames 4 %.
+"""
 
 
 class SavedInParts:

@@ -253,3 +253,11 @@ def test_cloth_that_needs_too_many_substeps_is_refused_by_name() -> None:
         cloth = make_cloth(rest.numpy(), halves.numpy(), fabric, moved_mass=0.0)
         with pytest.raises(InputError, match=r"skirt: needs \d+ substeps a second, the limit is 60000"):
             make_solver(cloth, rest.numpy(), NO_BODY, Settings(), "skirt")
+
+
+def test_a_vertex_without_faces_has_a_mass() -> None:
+    """Else it is divided by."""
+    rest, faces = sheet(0.2, 0.2, 9, 9)
+    alone = torch.cat([rest, torch.tensor([[0.5, 0.0, 0.0]])])
+    particles = make_cloth(alone.numpy(), faces.numpy(), Fabric()).particles
+    assert all(np.isfinite(values).all() for values in (particles.inverse_mass, particles.weight))
