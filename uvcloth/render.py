@@ -130,7 +130,9 @@ def render_over(
     drawn = torch.cat([surface.vertices for surface in surfaces]).numpy()
     scene = _build([*surfaces, *occluders], camera, float(drawn[:, 2].min()), quality)
     faces = sum(len(surface.faces) for surface in surfaces)
-    left, right, top, bottom = np.clip(_extent(drawn, camera, size), 0, np.repeat(size, 2)).astype(int).tolist()
+    left, right, top, bottom = (
+        np.clip(_extent(drawn, camera, size), 0, np.repeat(size, 2)).astype(int).tolist()
+    )
     part = _decode(photograph[top : bottom + 1, left : right + 1] / np.float32(255))
     picture = photograph.copy()
     if not part.size:

@@ -47,8 +47,8 @@ def try_on(command: TryOn) -> Iterator[str]:
         person = fit_person(keypoints, body, size, command.view)
     others = f", the largest of {keypoints.people} persons" if keypoints.people > 1 else ""
     yield (
-        f"{command.keypoints}: {len(keypoints.names)} keypoints{others}, missed by {person.error:.1f} pixels on "
-        f"average, {person.relative:.1%} of the torso"
+        f"{command.keypoints}: {len(keypoints.names)} keypoints{others}, missed by {person.error:.1f} pixels "
+        f"on average, {person.relative:.1%} of the torso"
     )
     if command.fitted is not None:
         write_png(command.fitted, fitted_picture(photograph, person, body, keypoints))

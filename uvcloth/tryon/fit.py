@@ -15,6 +15,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.render import Camera
 from uvcloth.tryon.keypoints import Keypoints
 from uvcloth.tryon.landmarks import landmarks, posed_landmarks
+from uvcloth.tryon.overlap import Overlap, overlap_of
 from uvcloth.tryon.prior import PosePrior, pose_prior, rotations_of
 
 HEADINGS = 8
@@ -54,7 +55,8 @@ def fit_person(keypoints: Keypoints, body: Body, size: tuple[int, int], view: fl
     """Fit pose, heading and place of a body to keypoints, from HEADINGS starts side by side.
 
     The likeliest pose is wanted: distances of keypoints count by their confidence, poses as the prior has
-    them. At each start the pose is the one of the clips that fits best from that side.
+    them, and arms inside the torso by their depth. At each start the pose is the one of the clips that fits
+    best from that side.
     size: (width, height) of the photograph. view: vertical field of view in degrees.
     """
     search = _Search.of(keypoints, body, size, view)
@@ -81,8 +83,8 @@ def require_fit(person: FittedPerson, source: object) -> None:
     """Raise InputError naming the source of the keypoints if the body does not explain them."""
     if not person.relative <= WORST:
         raise InputError(
-            f"{source}: no pose of the body fits these keypoints: they are missed by {person.error:.0f} pixels "
-            f"on average, {person.relative:.0%} of the torso, expected at most {WORST:.0%}"
+            f"{source}: no pose of the body fits these keypoints: they are missed by {person.error:.0f} "
+            f"pixels on average, {person.relative:.0%} of the torso, expected at most {WORST:.0%}"
         )
 
 
@@ -93,6 +95,7 @@ class _Search:
     keypoints: Keypoints
     body: Body
     prior: PosePrior
+    overlap: Overlap
     joints: Tensor
     points: Tensor
     middle: Tensor
@@ -104,7 +107,7 @@ class _Search:
         joints, points = landmarks(body, keypoints.names)
         focal = size[1] / (2 * math.tan(math.radians(view / 2)))
         middle = torch.tensor(size) / 2
-        return cls(keypoints, body, pose_prior(body), joints, points, middle, focal, view)
+        return cls(keypoints, body, pose_prior(body), overlap_of(body), joints, points, middle, focal, view)
 
     def starts(self, headings: Tensor) -> tuple[Tensor, Tensor]:
         """Poses (B, 3 J) and places (B, 3), as `costs` has them, of the best pose of the clips for each
@@ -125,7 +128,9 @@ class _Search:
         row = torch.arange(len(headings))
         scale = scale[row, best]
         root = centre - scale[:, None] * (share * flat[row, best]).sum(-2)
-        place = torch.cat([(root - self.middle) / self.keypoints.torso, (self.focal / scale).log()[:, None]], 1)
+        place = torch.cat(
+            [(root - self.middle) / self.keypoints.torso, (self.focal / scale).log()[:, None]], 1
+        )
         return poses[best], place
 
     def costs(self, whitened: Tensor, heading: Tensor, place: Tensor) -> Tensor:
@@ -134,12 +139,12 @@ class _Search:
         place: (B, 3), pixels from the middle of the picture over the torso's, and logarithm of the depth.
         """
         poses = self.prior.poses_of(whitened)
-        missed = (self._seen(self._transforms(poses, heading, self._root(place))) - self.keypoints.points).norm(
-            dim=-1
-        )
+        transforms = self._transforms(poses, heading, self._root(place))
+        missed = (self._seen(transforms) - self.keypoints.points).norm(dim=-1)
         deviations = missed / (NOISE * self.keypoints.torso * OUTLYING)
         robust = OUTLYING**2 * ((1 + deviations.square()).sqrt() - 1)
-        return (self.keypoints.confidences * robust).sum(-1) + whitened.square().sum(-1) / 2
+        likely = (self.keypoints.confidences * robust).sum(-1) + whitened.square().sum(-1) / 2
+        return likely + self.overlap.costs(transforms)
 
     def person(
         self, body: Body, whitened: Tensor, heading: Tensor, place: Tensor, cost: float

@@ -85,16 +85,16 @@ def read_keypoints(path: Path, size: tuple[int, int]) -> Keypoints:
         )
     for name, (x, y) in zip(person.names, person.points.tolist(), strict=True):
         inside = all(
-            -MARGIN * side <= place <= (1 + MARGIN) * side
-            for place, side in zip((x, y), size, strict=True)
+            -MARGIN * side <= place <= (1 + MARGIN) * side for place, side in zip((x, y), size, strict=True)
         )
         if not inside:
             raise InputError(
-                f"{path}: {name} is at {x:.0f}, {y:.0f}, outside the photograph of {size[0]} x {size[1]} pixels"
+                f"{path}: {name} is at {x:.0f}, {y:.0f}, outside the photograph of {size[0]} x "
+                f"{size[1]} pixels"
             )
     if person.torso < SMALLEST:
         raise InputError(
-            f"{path}: the torso is {person.torso:.1f} pixels long, expected at least {SMALLEST:.0f}, in pixels "
+            f"{path}: the torso is {person.torso:.1f} pixels long, expected at least {SMALLEST:.0f} pixels "
             "of the photograph"
         )
     return Keypoints(person.names, person.points, person.confidences, len(people))

@@ -51,10 +51,11 @@ def rotations_of(poses: Tensor) -> Tensor:
 def pose_prior(body: Body) -> PosePrior:
     """The distribution of poses of a body in the built-in clips."""
     motions = [load_clip(name, body).rotations[::EVERY] for name in builtin_clips()]
-    rotations = torch.cat([each for motion in motions for each in (motion, mirror_transforms(motion, body.skeleton))])
+    rotations = torch.cat(
+        [each for motion in motions for each in (motion, mirror_transforms(motion, body.skeleton))]
+    )
     rotations = heading(rotations[:, 0]).mT[:, None] @ rotations
     quaternions = to_quaternions(local_rotations(body.skeleton.parents, rotations)).float()
     poses = (2 * quaternions[..., :3] / quaternions[..., 3:]).flatten(1)
     covariance = poses.T.cov() + FREEDOM**2 * torch.eye(poses.shape[1])
     return PosePrior(poses.mean(0), torch.linalg.cholesky(covariance), poses)
-
