@@ -142,13 +142,13 @@ def render_over(
         """Colours (R, 3) over those of the photograph below, and where a surface is seen (R,)."""
         origins, directions = _rays(camera, size, x + left, y + top)
         hits = scene.embree.run(origins, directions, output=True)
-        seen = (hits["primID"] >= 0) & (hits["primID"] < faces)
-        colors, (u, v) = below.reshape(-1, 3).copy(), (hits[name][seen] for name in "uv")
-        colors[seen] = _shade_mesh(scene, hits["primID"][seen], u, v, directions[seen])
-        return colors, seen
+        visible = (hits["primID"] >= 0) & (hits["primID"] < faces)
+        colors, (u, v) = below.reshape(-1, 3).copy(), (hits[name][visible] for name in "uv")
+        colors[visible] = _shade_mesh(scene, hits["primID"][visible], u, v, directions[visible])
+        return colors, visible
 
-    colors, seen = shaded(*_pixel_centres(*part.shape[1::-1]), part)
-    image, near = colors.reshape(part.shape), binary_dilation(seen.reshape(part.shape[:2]))
+    colors, visible = shaded(*_pixel_centres(*part.shape[1::-1]), part)
+    image, near = colors.reshape(part.shape), binary_dilation(visible.reshape(part.shape[:2]))
     rows, columns = np.nonzero(_edges(image) & near)
     x, y = _samples(rows, columns, quality)
     below = np.repeat(part[rows, columns][:, None], x.shape[1], axis=1)

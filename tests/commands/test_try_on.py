@@ -14,11 +14,13 @@ from uvcloth.commands.tryon import TryOn
 from uvcloth.errors import InputError
 from uvcloth.files.image import read_picture, write_png
 from uvcloth.motion.library import load_clip
+from uvcloth.tryon import fit
 
 
 @pytest.fixture
-def command(tmp_path: Path) -> TryOn:
-    """Of a grey photograph."""
+def command(tmp_path: Path, monkeypatch) -> TryOn:
+    """Of a grey photograph, with a short search."""
+    monkeypatch.setattr(fit, "STEPS", 60)
     _, points = pictured(load_clip("walk", load_body()), 30, 0.4, load_body())
     (tmp_path / "photo.json").write_text(json.dumps(openpose(points, missing=("left_ear",))))
     write_png(tmp_path / "photo.png", np.full((SIZE[1], SIZE[0], 3), 128, np.uint8))

@@ -45,8 +45,8 @@ def test_a_known_pose_is_found(clip: str, frame: int, turn: float) -> None:
 def check_camera(person: FittedPerson, names: tuple[str, ...]) -> None:
     """The camera of the pictures sees the landmarks where the fit says, and the body stands on the floor."""
     points = posed_landmarks(*landmarks(body(), names), person.clip.transforms())[0]
-    seen = torch.from_numpy(project(points.numpy(), person.camera, SIZE)[:2].T).float()
-    torch.testing.assert_close(seen, person.joints, atol=0.05, rtol=0)
+    drawn = torch.from_numpy(project(points.numpy(), person.camera, SIZE)[:2].T).float()
+    torch.testing.assert_close(drawn, person.joints, atol=0.05, rtol=0)
     assert person.clip.translation[0, :2].abs().max() < 1e-5
     assert person.camera.eye[1] < -2.0
 

@@ -32,10 +32,10 @@ def read_picture(path: Path) -> np.ndarray:
     source.close()
     if not 0 < spec.width * spec.height <= MOST_PIXELS:
         raise InputError(f"{path}: has {spec.width} x {spec.height} pixels, expected at most {MOST_PIXELS:,}")
-    upright = OpenImageIO.ImageBufAlgo.reorient(OpenImageIO.ImageBuf(str(path)))
-    pixels = upright.get_pixels("uint8")
-    if upright.has_error or pixels is None or not pixels.size:
-        raise InputError(f"{path}: cannot be read as a picture ({_reason(upright.geterror())})")
+    picture = OpenImageIO.ImageBuf(str(path))
+    if not picture.read(force=True) or picture.has_error:
+        raise InputError(f"{path}: cannot be read as a picture ({_reason(picture.geterror())})")
+    pixels = OpenImageIO.ImageBufAlgo.reorient(picture).get_pixels("uint8")
     return pixels[..., [0, 0, 0]] if pixels.shape[2] < 3 else pixels[..., :3].copy()
 
 
@@ -66,5 +66,5 @@ def atomic_image(path: Path) -> Iterator[Path]:
 
 
 def _reason(text: str) -> str:
-    """What OpenImageIO says, on one line."""
+    """Words of OpenImageIO on one line."""
     return cause(OSError(text or "no pixels"))

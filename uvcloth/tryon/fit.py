@@ -115,8 +115,8 @@ class _Search:
         """
         poses = self.prior.poses
         still = torch.zeros(len(poses), 3)
-        seen = posed_landmarks(self.joints, self.points, self._transforms(poses, still[:, :1], still))
-        turned = seen @ from_euler("z", headings[:, None]).mT[:, None]  # (B, M, K, 3)
+        marks = posed_landmarks(self.joints, self.points, self._transforms(poses, still[:, :1], still))
+        turned = marks @ from_euler("z", headings[:, None]).mT[:, None]  # (B, M, K, 3)
         flat = turned[..., [0, 2]] * torch.tensor([1.0, -1.0])
         share = (self.keypoints.confidences / self.keypoints.confidences.sum())[:, None]
         centre = (share * self.keypoints.points).sum(0)
@@ -140,7 +140,7 @@ class _Search:
         """
         poses = self.prior.poses_of(whitened)
         transforms = self._transforms(poses, heading, self._root(place))
-        missed = (self._seen(transforms) - self.keypoints.points).norm(dim=-1)
+        missed = (self._pixels(transforms) - self.keypoints.points).norm(dim=-1)
         deviations = missed / (NOISE * self.keypoints.torso * OUTLYING)
         robust = OUTLYING**2 * ((1 + deviations.square()).sqrt() - 1)
         likely = (self.keypoints.confidences * robust).sum(-1) + whitened.square().sum(-1) / 2
@@ -152,15 +152,15 @@ class _Search:
         """The person of one pose and place, put on the floor."""
         poses, root = self.prior.poses_of(whitened), self._root(place)
         rotations, transforms = self._rotations(poses, heading), self._transforms(poses, heading, root)
-        seen = self._seen(transforms)[0]
-        error = float((seen - self.keypoints.points).norm(dim=-1).mean())
+        joints = self._pixels(transforms)[0]
+        error = float((joints - self.keypoints.points).norm(dim=-1).mean())
         floor = posed_skin(body, transforms)[..., 2].min()
         shift = torch.stack([root[0, 0], root[0, 1], floor])
         eye = (-shift).tolist()
         return FittedPerson(
             clip=Clip("photograph", body.skeleton, rotations, root - shift, fps=30.0),
             camera=Camera((eye[0], eye[1], eye[2]), (eye[0], eye[1] + 1.0, eye[2]), self.view),
-            joints=seen,
+            joints=joints,
             error=error,
             relative=error / self.keypoints.torso,
             cost=cost,
@@ -180,7 +180,7 @@ class _Search:
         across, down = (place[:, :2] * (self.keypoints.torso / self.focal)).unbind(1)
         return depth[:, None] * torch.stack([across, torch.ones_like(down), -down], dim=1)
 
-    def _seen(self, transforms: Tensor) -> Tensor:
+    def _pixels(self, transforms: Tensor) -> Tensor:
         """Pixels (B, K, 2) of the landmarks."""
         x, y, z = posed_landmarks(self.joints, self.points, transforms).unbind(-1)
         scale = self.focal / y.clamp(min=0.05)
