@@ -36,6 +36,8 @@ def read_picture(path: Path) -> np.ndarray:
     if not picture.read(force=True) or picture.has_error:
         raise InputError(f"{path}: cannot be read as a picture ({_reason(picture.geterror())})")
     pixels = OpenImageIO.ImageBufAlgo.reorient(picture).get_pixels("uint8")
+    if pixels is None:
+        raise InputError(f"{path}: cannot be read as a picture (no pixels)")
     return pixels[..., [0, 0, 0]] if pixels.shape[2] < 3 else pixels[..., :3].copy()
 
 
