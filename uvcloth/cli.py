@@ -23,6 +23,7 @@ from uvcloth.commands.outfits import Outfits
 from uvcloth.commands.poses import Poses
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.simulate import Simulate
+from uvcloth.commands.tryon import TryOn
 from uvcloth.commands.view import View
 from uvcloth.files.options import parsed
 from uvcloth.process.command import run_command
@@ -60,6 +61,7 @@ COMMANDS: dict[str, Callable[..., Command]] = {
     "motion": Motion,
     "fit": Fit,
     "rollout": Rollout,
+    "tryon": TryOn,
     "body": MakeBody,
     "simulate": Simulate,
     "data": Data,

@@ -107,12 +107,55 @@ def render(
     width, height = size
     image = _shade(scene, camera, size, *_pixel_centres(width, height)).reshape(height, width, 3)
     rows, columns = np.nonzero(_edges(image))
-    samples = quality.edge_samples
-    steps = (np.arange(samples) + 0.5) / samples
-    dy, dx = (offset.ravel() for offset in np.meshgrid(steps, steps, indexing="ij"))
-    fine = _shade(scene, camera, size, columns[:, None] + dx, rows[:, None] + dy)
-    image[rows, columns] = fine.reshape(len(rows), samples**2, 3).mean(1)
+    x, y = _samples(rows, columns, quality)
+    image[rows, columns] = _shade(scene, camera, size, x, y).reshape(*x.shape, 3).mean(1)
     return (_encode(image) * 255.0 + 0.5).astype(np.uint8)
+
+
+def render_over(
+    photograph: np.ndarray,
+    surfaces: Sequence[Surface],
+    occluders: Sequence[Surface],
+    camera: Camera,
+    quality: Quality = FINE,
+) -> np.ndarray:
+    """Draw surfaces into a photograph (height, width, 3) uint8, where no occluder is in front of them.
+
+    The camera is that of the photograph, which shows the occluders already. Raises InputError if a vertex is
+    not a finite number.
+    """
+    from scipy.ndimage import binary_dilation
+
+    size = photograph.shape[1], photograph.shape[0]
+    drawn = torch.cat([surface.vertices for surface in surfaces]).numpy()
+    scene = _build([*surfaces, *occluders], camera, float(drawn[:, 2].min()), quality)
+    faces = sum(len(surface.faces) for surface in surfaces)
+    left, right, top, bottom = (
+        np.clip(_extent(drawn, camera, size), 0, np.repeat(size, 2)).astype(int).tolist()
+    )
+    part = _decode(photograph[top : bottom + 1, left : right + 1] / np.float32(255))
+    picture = photograph.copy()
+    if not part.size:
+        return picture
+
+    def shaded(x: np.ndarray, y: np.ndarray, below: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Colours (R, 3) over those of the photograph below, and where a surface is seen (R,)."""
+        origins, directions = _rays(camera, size, x + left, y + top)
+        hits = scene.embree.run(origins, directions, output=True)
+        visible = (hits["primID"] >= 0) & (hits["primID"] < faces)
+        colors, (u, v) = below.reshape(-1, 3).copy(), (hits[name][visible] for name in "uv")
+        colors[visible] = _shade_mesh(scene, hits["primID"][visible], u, v, directions[visible])
+        return colors, visible
+
+    colors, visible = shaded(*_pixel_centres(*part.shape[1::-1]), part)
+    image, near = colors.reshape(part.shape), binary_dilation(visible.reshape(part.shape[:2]))
+    rows, columns = np.nonzero(_edges(image) & near)
+    x, y = _samples(rows, columns, quality)
+    below = np.repeat(part[rows, columns][:, None], x.shape[1], axis=1)
+    image[rows, columns] = shaded(x, y, below)[0].reshape(below.shape).mean(1)
+    cells = picture[top : bottom + 1, left : right + 1]
+    cells[near] = (_encode(image[near]) * 255.0 + 0.5).astype(np.uint8)
+    return picture
 
 
 def render_frames(
@@ -291,6 +334,13 @@ def _axes(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     forward = normalize(target - eye)
     right = normalize(np.array([forward[1], -forward[0], 0.0], np.float32))
     return eye, np.stack([right, np.cross(right, forward), forward])
+
+
+def _samples(rows: np.ndarray, columns: np.ndarray, quality: Quality) -> tuple[np.ndarray, np.ndarray]:
+    """Positions x and y (P, S) spread evenly over each of P pixels."""
+    steps = (np.arange(quality.edge_samples) + 0.5) / quality.edge_samples
+    dy, dx = (offset.ravel() for offset in np.meshgrid(steps, steps, indexing="ij"))
+    return columns[:, None] + dx, rows[:, None] + dy
 
 
 def _pixel_width(camera: Camera, height: int) -> np.float32:

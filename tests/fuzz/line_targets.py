@@ -23,6 +23,8 @@ from uvcloth.files.reading import read_content
 from uvcloth.process.command import one_line
 
 DATA = Path(str(files("uvcloth"))) / "data"
+PHOTO = str(Path(__file__).parents[2] / "docs" / "dress.png")
+CONFIG = str(DATA / "models" / "pbns" / "config.json")
 CLIP, SKIRT = str(DATA / "clips" / "walk.npz"), str(DATA / "garments" / "miniskirt.obj")
 
 LINES: dict[str, str] = {
@@ -32,6 +34,8 @@ LINES: dict[str, str] = {
     "rollout": "--motion walk --garment bottoms tops --tuck tops:bottoms --loop --out a.glb a.mp4 "
     "--model pbns --finish clear --fps 30 "
     "--quality fast --device cpu --threads 1 --port 8080 --frames :9 --template auto",
+    "tryon": f"{PHOTO} --keypoints {CONFIG} --garment tops --out a.png --fitted b.png --view 45 "
+    "--fabric silk --model physics --quality fast",
     "body": "--out a.npz --height 0.5 --gender 0 --age 0.6 --muscle 0.4 --weight 0.5",
     "simulate": "walk run --out a --garment tops dress --jobs 1 --engine explicit --fabric denim --fps 30",
     "data": f"{DATA} --pack a --error 2",

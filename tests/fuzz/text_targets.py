@@ -1,11 +1,12 @@
-"""Readers of JSON, tables and lists: outfits, role maps, indices, pins."""
+"""Readers of JSON, tables and lists: outfits, role maps, keypoints, indices, pins."""
 
+import json
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from tests.fuzz.target import Target, require
+from tests.fuzz.target import Target, require, require_numbers
 from tests.small_body import small_body
 from uvcloth.bodies.body import save_body
 from uvcloth.dataset.folder import MEMBERS
@@ -16,6 +17,7 @@ from uvcloth.motion.poses import SPLITS
 from uvcloth.motion.roles import ROLES, read_role_map
 from uvcloth.physics.fabric import FABRICS, RANGES
 from uvcloth.simulate.plan_file import PlanRow, read_plan
+from uvcloth.tryon.keypoints import BODY_25, FEWEST, Keypoints, read_keypoints
 from uvcloth.wardrobe.designs import KINDS, PARTS, Design, limits
 from uvcloth.wardrobe.outfit_file import OutfitFile, PieceFile, load_outfit_file, save_outfit_file
 
@@ -133,7 +135,24 @@ def check_pins(held: torch.Tensor) -> None:
     require(held.shape == (8,) and held.dtype == torch.bool, "pins of another garment")
 
 
+def good_keypoints(folder: Path) -> Path:
+    numbers = [n for i in range(17) for n in (10.0 + 7 * i, 20.0 + 9 * i, 0.9)]
+    people = [{"pose_keypoints_2d": numbers}, {"pose_keypoints_2d": numbers[:6] + 45 * [0]}]
+    (folder / "photo.json").write_text(json.dumps({"version": 1.3, "people": people}))
+    return folder / "photo.json"
+
+
+def check_keypoints(keypoints: Keypoints) -> None:
+    count = len(keypoints.names)
+    require(FEWEST <= count == len(set(keypoints.names)) and set(keypoints.names) <= set(BODY_25), "names")
+    require_numbers(keypoints.points, (count, 2), "points")
+    require_numbers(keypoints.confidences, (count,), "confidences")
+    require(bool((keypoints.points.abs() < 1000).all()) and keypoints.torso > 0, "a point far outside")
+    require(0 < float(keypoints.confidences.min()) <= float(keypoints.confidences.max()) <= 1, "confidences")
+
+
 TARGETS = [
+    Target("keypoints", good_keypoints, lambda path: read_keypoints(path, (200, 300)), check_keypoints),
     Target("outfit", good_outfit, load_outfit_file, check_outfit),
     Target("role_map", good_role_map, read_role_map, check_role_map),
     Target("index", good_index, read_index, check_index),

@@ -25,6 +25,11 @@ def read_json(path: Path, expected: str) -> dict[str, Any]:
     expected: says in words what the file should be. Raises InputError naming the file if it is missing,
     larger than MOST_BYTES, or as `parse_json` does.
     """
+    return _object_of(read_json_document(path, expected), str(path), expected)
+
+
+def read_json_document(path: Path, expected: str) -> Any:
+    """Read JSON whose outermost value is of any kind, as `read_json` does an object."""
     path = Path(path)
     content = read_content(path)
     if len(content) > MOST_BYTES:
@@ -33,7 +38,7 @@ def read_json(path: Path, expected: str) -> dict[str, Any]:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a readable JSON file, expected {expected} (not UTF-8)") from error
-    return parse_json(text, str(path), expected)
+    return _parsed(text, str(path), expected)
 
 
 def parse_json(text: str, source: str, expected: str) -> dict[str, Any]:
@@ -43,12 +48,20 @@ def parse_json(text: str, source: str, expected: str) -> dict[str, Any]:
     than MOST_DEPTH, names a key twice, or holds a whole number of more than MOST_DIGITS or a text of no
     characters.
     """
+    return _object_of(_parsed(text, source, expected), source, expected)
+
+
+def _parsed(text: str, source: str, expected: str) -> Any:
     try:
         document = json.loads(text, object_pairs_hook=_object, parse_int=_whole)
         _require_plain(document)
     except (ValueError, RecursionError) as error:
         reason = "nested too deep" if isinstance(error, RecursionError) else error
         raise InputError(f"{source}: not readable as JSON, expected {expected} ({reason})") from error
+    return document
+
+
+def _object_of(document: Any, source: str, expected: str) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise InputError(f"{source}: not a JSON object, expected {expected}")
     return document
