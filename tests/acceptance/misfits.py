@@ -87,10 +87,10 @@ def hat(body: Body, radius: float) -> Mesh:
 
 
 def cup() -> Mesh:
-    """A round pot with a bottom, around the trunk."""
+    """A round pot around the hips, with a bottom that the thighs go through."""
     share = np.linspace(0.01, 1.0, 10)
-    radii = 0.24 * np.concatenate([share, np.ones(10)])
-    return lathed(radii, 0.7 * np.concatenate([np.zeros(10), share]), torch.zeros(3))
+    radii = 0.2 * np.concatenate([share, np.ones(10)])
+    return lathed(radii, 0.5 * np.concatenate([np.zeros(10), share]), torch.tensor([0.0, 0.0, -0.25]))
 
 
 def chair() -> Mesh:

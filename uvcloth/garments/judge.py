@@ -64,6 +64,9 @@ FARTHEST_HEM = 0.15
 FARTHEST_PIECE = 0.2
 """Metres from the skin to the closest point of a piece beyond which it is not worn."""
 
+MOSTLY = 0.5
+"""Share of the cloth over trunk and upper arms from which on it is no skirt."""
+
 WIDEST = 0.1
 """Metres from trunk and upper arms to the cloth over them, on average, beyond which it is too wide: loose
 clothes have up to 0.05.
@@ -118,8 +121,8 @@ class Measures:
     area. around, around_head: share of the directions across a bone in which a ray hits the garment: the
     largest over all places, and that across the middle of the head. pierced: whether a bone runs through
     cloth. hem: metres from half of the uppermost hem's corners to the skin, 0 without a hem. upper: metres to
-    trunk and upper arms from the cloth over them, on average. piece: metres to the skin from the closest
-    point of the farthest piece.
+    trunk and upper arms from the cloth over them, on average, 0 for a skirt. piece: metres to the skin from
+    the closest point of the farthest piece.
     """
 
     inside: float
@@ -160,7 +163,7 @@ def measure(mesh: Mesh, body: Body, surface: BodySurface) -> Measures:
         around_head=float(around[-1]),
         pierced=pierced(mesh, body),
         hem=_uppermost_hem(mesh, surface),
-        upper=float(distance[upper].mean()) if upper.any() else 0.0,
+        upper=float(distance[upper].mean()) if upper.float().mean() > MOSTLY else 0.0,
         piece=_farthest_piece(mesh, surface),
     )
 
