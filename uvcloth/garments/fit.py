@@ -15,7 +15,7 @@ from uvcloth.garments.alignment import UNKNOWN, Known, align, lying
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.diagnose import Diagnosis, diagnose
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.judge import UnwearableError, pierced
+from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
 from uvcloth.garments.pose import POSES, REST, arms_held, limbs_held, other_pose, posed_body, unposed
 from uvcloth.garments.relaxation import Settled, settle
@@ -228,8 +228,6 @@ def _aligned(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Di
     if alignment.stance != REST:
         transforms = limbs_held(body, alignment.stance)
         at_rest = unposed(natural, posed_body(body, transforms), transforms)
-    if pierced(at_rest, body):
-        raise UnwearableError(f"{path}: {NOWHERE}", at_rest)
     settled = settle(at_rest.vertices, mesh.faces, natural.vertices, body)
     placed, diagnosis = diagnose(path, replace(mesh, vertices=settled.vertices), body, bound=True)
     if _is_bent(settled):
