@@ -149,9 +149,7 @@ class Families:
         except InputError as error:
             write_png(self.out / f"{path.stem}.png", contact_sheet(views, 1))
             return replace(row, refused=str(error).removeprefix(f"{path}: "))
-        row = replace(
-            row, seconds=round(time.process_time() - begun, 1), way=fitted.diagnosis.lines()[1].strip()
-        )
+        row = replace(row, seconds=round(time.process_time() - begun, 1), way=fitted.diagnosis.way[0])
         row = at_rest(row, made, fitted.garment.mesh, body)
         views += [view(body.mesh, fitted.garment.mesh, turn) for turn in (20.0, 200.0)]
         row, moving = rolled_out(row, fitted.garment, body)

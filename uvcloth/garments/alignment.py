@@ -18,6 +18,7 @@ from uvcloth.garments.boundaries import boundaries
 from uvcloth.garments.placing import (
     ACROSS_COST,
     AXES,
+    COMMON,
     FAR,
     INSIDE_WEIGHT,
     SEARCH_DISTANCE,
@@ -87,9 +88,6 @@ LOOSE, LOOSE_COST = 0.04, 0.05
 
 BARE_COST, CLOTHED_SHARE = 0.08, 0.6
 """Metres added where no cloth is over trunk, upper arms and thighs, and the share from which on none is."""
-
-COMMON = ("m", "cm")
-"""Units that files usually have; others are as unusual as a body of another size."""
 
 PERSON, SIZE_COST, MOST_SIZE_COST = 0.3, 0.12, 0.04
 """Logarithm of the ratio between persons' heights and our body's, metres added for each unit of the logarithm

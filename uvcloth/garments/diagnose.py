@@ -1,5 +1,6 @@
 """Diagnosis of a user's garment mesh: units, axes, topology, and its place on the body."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -8,8 +9,8 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
-from uvcloth.garments.judge import refuse_unworn
-from uvcloth.garments.placing import SEARCH_DISTANCE, Placing, find_placing
+from uvcloth.garments.judge import UnwearableError, refuse_unworn
+from uvcloth.garments.placing import SEARCH_DISTANCE, Placing, find_placings
 from uvcloth.geometry.mesh import Mesh, face_normals, weld
 from uvcloth.physics.surface import BodySurface, SurfacePoints
 
@@ -51,7 +52,7 @@ class Diagnosis:
         pieces = "1 piece" if self.components == 1 else f"{self.components} separate pieces"
         faults = [
             f"{self.path}: {self.vertices} vertices, {self.faces} triangles, {pieces}",
-            *(f"  {line}" for line in self._way()),
+            *(f"  {line}" for line in self.way),
             f"  {1000 * self.mean_distance:.1f} mm from the skin on average, at most "
             f"{1000 * self.max_distance:.0f} mm; {100 * self.inside_share:.1f} % of the vertices inside it",
         ]
@@ -76,7 +77,8 @@ class Diagnosis:
             faults.append(f"  worn as {self.template}")
         return faults
 
-    def _way(self) -> tuple[str, ...]:
+    @property
+    def way(self) -> tuple[str, ...]:
         """Lines that say how the garment came to lie on the body."""
         if self.fitting:
             return self.fitting
@@ -92,7 +94,25 @@ def diagnose(path: Path, mesh: Mesh, body: Body, bound: bool = False) -> tuple[M
     """
     kept, repeated = _without_repeats(path, mesh)
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
-    placing = None if bound else find_placing(path, kept.vertices, kept.faces, body, surface)
+    if bound:
+        return _diagnosed(path, mesh, kept, repeated, None, body, surface)
+    *others, likeliest = find_placings(path, kept.vertices, kept.faces, body, surface)
+    for placing in others:
+        with suppress(UnwearableError):
+            return _diagnosed(path, mesh, kept, repeated, placing, body, surface)
+    return _diagnosed(path, mesh, kept, repeated, likeliest, body, surface)
+
+
+def _diagnosed(
+    path: Path,
+    mesh: Mesh,
+    kept: Mesh,
+    repeated: tuple[int, int, int],
+    placing: Placing | None,
+    body: Body,
+    surface: BodySurface,
+) -> tuple[Mesh, Diagnosis]:
+    """Diagnose a mesh in one placing, None for the body's frame; kept: what `_without_repeats` kept of it."""
     vertices = placing.apply(kept.vertices, body) if placing else kept.vertices
     kept = replace(kept, vertices=vertices)
     skin = surface.closest(vertices, SEARCH_DISTANCE)

@@ -18,7 +18,7 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
 from uvcloth.garments.pose import POSES, REST, arms_held, limbs_held, other_pose, posed_body, unposed
-from uvcloth.garments.relaxation import settle
+from uvcloth.garments.relaxation import Settled, settle
 from uvcloth.garments.transfer import transfer
 from uvcloth.geometry.authored import AuthoredMesh, follow_triangles
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
@@ -53,6 +53,9 @@ BETTER = 0.8
 
 MOST_STRETCHED = 0.18
 """Share of its length by which 95 % of the edges may differ once a garment is settled."""
+
+FARTHEST_SETTLED = 0.25
+"""Metres that a vertex may move until a garment is settled: beyond, it does not lie where it was placed."""
 
 NOWHERE = "the garment lies nowhere on the body as clothes lie"
 
@@ -94,7 +97,7 @@ def fit(path: Path, body: Body, template: str | None = None, how: Fitting = PLAI
     """Fit a file (OBJ, PLY, GLB, STL, MHCLO, ...) to a body, on whose rest pose it was modelled.
 
     The file's vertex order and texture coordinates stay; unit, axes and origin are found by where it lies
-    best (`find_placing`). template: the one of TEMPLATES whose motion it takes;
+    best (`find_placings`). template: the one of TEMPLATES whose motion it takes;
     None chooses by the part of the body it covers, found by ray casting (PhysXNet section 4.3). The closest
     body vertices give it its blend weights. how: as `read_on_body` takes it. Raises InputError naming the
     file and the reason if it cannot be read or cannot be worn, an UnwearableError if it does not lie as
@@ -182,11 +185,15 @@ def _usual(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diag
 def _settled(path: Path, mesh: Mesh, diagnosis: Diagnosis, body: Body) -> tuple[Mesh, Diagnosis]:
     """A mesh on the rest pose, but partly in the skin, moved out of it where that does not tear it."""
     settled = settle(mesh.vertices, mesh.faces, mesh.vertices, body)
-    if settled.off > MOST_STRETCHED:
+    if _is_bent(settled):
         return mesh, diagnosis
     placed, after = diagnose(path, replace(mesh, vertices=settled.vertices), body, bound=True)
-    way = diagnosis.lines()[1].strip()
-    return placed, replace(after, pose=diagnosis.pose, fitting=(way, settled.text()))
+    return placed, replace(after, pose=diagnosis.pose, fitting=(*diagnosis.way, settled.text()))
+
+
+def _is_bent(settled: Settled) -> bool:
+    """Test for a garment that settling would stretch or move too far."""
+    return settled.off > MOST_STRETCHED or float(settled.distances.max()) > FARTHEST_SETTLED
 
 
 def _in_any_pose(path: Path, mesh: Mesh, body: Body) -> tuple[Mesh, Diagnosis]:
@@ -223,7 +230,7 @@ def _aligned(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Di
         at_rest = unposed(natural, posed_body(body, transforms), transforms)
     settled = settle(at_rest.vertices, mesh.faces, natural.vertices, body)
     placed, diagnosis = diagnose(path, replace(mesh, vertices=settled.vertices), body, bound=True)
-    if settled.off > MOST_STRETCHED:
+    if _is_bent(settled):
         raise UnwearableError(f"{path}: {NOWHERE}", placed)
     return placed, replace(diagnosis, fitting=(alignment.text(), settled.text()))
 

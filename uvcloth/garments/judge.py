@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import torch
@@ -9,8 +10,10 @@ from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.errors import InputError
+from uvcloth.garments.places import hems
 from uvcloth.garments.placing import AXES, SEARCH_DISTANCE, ClothSample, lies_along, misfit
-from uvcloth.geometry.mesh import Mesh, boundary_edges, face_normals, unique_edges
+from uvcloth.geometry.mesh import Mesh, boundary_edges, edge_groups, face_normals, unique_edges, weld
+from uvcloth.motion.roles import assign_roles
 from uvcloth.physics.exposure import Shell
 from uvcloth.physics.surface import BodySurface
 
@@ -37,6 +40,9 @@ ENGULFED = 0.95
 CLOTHED = ("torso", "upper_arm", "thigh")
 """Regions of which a garment has to cover some: shoes, gloves and hats are not moved as cloth."""
 
+UPPER = CLOTHED[:2]
+"""Those of them on which a garment may not hang as a skirt hangs around the legs."""
+
 LEAST_CLOTHED = 0.2
 """Least share of the cloth over these."""
 
@@ -51,6 +57,33 @@ LEAST_AROUND = 0.7
 
 AROUND_REACH = 0.4
 """Length of these rays, m."""
+
+FARTHEST_HEM = 0.15
+"""Metres from the skin, at half of its corners, beyond which the uppermost hem holds nothing up."""
+
+FARTHEST_PIECE = 0.2
+"""Metres from the skin to the closest point of a piece beyond which it is not worn."""
+
+MOSTLY = 0.5
+"""Share of the cloth over trunk and upper arms from which on it is no skirt."""
+
+WIDEST = 0.1
+"""Metres from trunk and upper arms to the cloth over them, on average, beyond which it is too wide: loose
+clothes have up to 0.05.
+"""
+
+BONES = (
+    ("hips", "lower_spine", "middle_spine", "upper_spine", "neck", "head"),
+    *(
+        tuple(f"{side}_{part}" for part in limb)
+        for side in ("left", "right")
+        for limb in (("upper_arm", "forearm", "hand"), ("thigh", "shin", "foot"))
+    ),
+)
+"""Chains of joints, by role, whose bones lie within the cloth: trunk, arms and legs."""
+
+TURNED, CLEARLY_TURNED = 0.06, 0.6
+"""Misfit, m, up to which cloth would lie well if it were turned, and its largest share of that as it lies."""
 
 SHORTEST_BONE = 0.05
 """Least length of a bone, m, to cast rays across it."""
@@ -86,7 +119,10 @@ class Measures:
     average, and up to which the closest quarter of the cloth lies. along: share that lies along the skin.
     regions: (8,) share over each of REGIONS. body_share: (8,) cloth over each region, of the region's own
     area. around, around_head: share of the directions across a bone in which a ray hits the garment: the
-    largest over all places, and that across the middle of the head.
+    largest over all places, and that across the middle of the head. pierced: whether a bone runs through
+    cloth. hem: metres from half of the uppermost hem's corners to the skin, 0 without a hem. upper: metres to
+    trunk and upper arms from the cloth over them, on average, 0 for a skirt. piece: metres to the skin from
+    the closest point of the farthest piece.
     """
 
     inside: float
@@ -98,28 +134,67 @@ class Measures:
     body_share: Tensor
     around: float
     around_head: float
+    pierced: bool
+    hem: float
+    upper: float
+    piece: float
 
 
 def measure(mesh: Mesh, body: Body, surface: BodySurface) -> Measures:
     """Measure how a garment at rest, in metres, lies on a body; surface: of the body at rest."""
     cloth = ClothSample.of(mesh.vertices, mesh.faces, POINTS)
     nearest = surface.closest(cloth.points, SEARCH_DISTANCE)
-    regions = torch.bincount(body.regions[nearest.faces], minlength=len(REGIONS)) / POINTS
+    distance, over = nearest.signed_distance.abs(), body.regions[nearest.faces]
+    regions = torch.bincount(over, minlength=len(REGIONS)) / POINTS
     skin = face_normals(body.mesh.vertices, body.mesh.faces).norm(dim=1)
     areas = torch.zeros(len(REGIONS)).index_add(0, body.regions, skin)
     area = face_normals(mesh.vertices, mesh.faces).norm(dim=1).sum()
     around = _around(mesh, body)
+    upper = torch.isin(over, torch.tensor([REGIONS.index(region) for region in UPPER]))
     return Measures(
         inside=float((nearest.signed_distance < 0).float().mean()),
         deep=float((nearest.signed_distance < -DEEP).float().mean()),
-        distance=float(nearest.signed_distance.abs().mean()),
-        nearest=float(nearest.signed_distance.abs().quantile(0.25)),
+        distance=float(distance.mean()),
+        nearest=float(distance.quantile(0.25)),
         along=float(lies_along(cloth.normals, nearest).float().mean()),
         regions=regions,
         body_share=regions * area / areas.clamp(min=1e-9),
         around=float(around[:-1].max()),
         around_head=float(around[-1]),
+        pierced=pierced(mesh, body),
+        hem=_uppermost_hem(mesh, surface),
+        upper=float(distance[upper].mean()) if upper.float().mean() > MOSTLY else 0.0,
+        piece=_farthest_piece(mesh, surface),
     )
+
+
+def pierced(mesh: Mesh, body: Body) -> bool:
+    """Test for a bone of BONES that runs through cloth."""
+    roles = assign_roles(body.skeleton.names, {})
+    chains = [[roles[role] for role in chain if role in roles] for chain in BONES]
+    bones = torch.tensor([bone for chain in chains for bone in pairwise(chain)], dtype=torch.int64)
+    start, end = body.skeleton.heads[bones.reshape(-1, 2)].unbind(1)
+    length = (end - start).norm(dim=1)
+    along = (end - start) / length[:, None]
+    return bool((Shell(mesh.vertices, mesh.faces).first_hit(start, along, AROUND_REACH)[0] < length).any())
+
+
+def _uppermost_hem(mesh: Mesh, surface: BodySurface) -> float:
+    """Metres from half of the corners of a garment's uppermost hem to the skin, 0 without a hem."""
+    loops = hems(boundary_edges(weld(mesh.vertices)[mesh.faces]))
+    if not loops:
+        return 0.0
+    highest = max((mesh.vertices[loop] for loop in loops), key=lambda corners: float(corners[:, 2].mean()))
+    return float(surface.closest(highest, SEARCH_DISTANCE).signed_distance.abs().median())
+
+
+def _farthest_piece(mesh: Mesh, surface: BodySurface) -> float:
+    """Metres from the skin to the closest corner of the piece whose closest corner is farthest from it."""
+    corners = weld(mesh.vertices)[mesh.faces]
+    piece = edge_groups(torch.cat([corners[:, :2], corners[:, 1:]]), len(mesh.vertices))[: len(corners)]
+    distance = surface.closest(mesh.vertices, SEARCH_DISTANCE).signed_distance.abs()[mesh.faces].amin(1)
+    farthest = torch.full((len(mesh.vertices),), torch.inf).scatter_reduce(0, piece, distance, "amin")
+    return float(farthest[torch.isfinite(farthest)].max())
 
 
 def _around(mesh: Mesh, body: Body) -> Tensor:
@@ -166,18 +241,18 @@ def _no_garment(measures: Measures, welded: Tensor) -> tuple[str, bool]:
     lies = measures.along > LEAST_ALONG and measures.deep < MOST_DEEP
     for wrong, anywhere, sentence in (
         (
+            all(float(measures.body_share[REGIONS.index(region)]) > COVERED for region in BARE),
+            True,
+            "the mesh covers head, hands and feet: it is a body, not a garment",
+        ),
+        (_is_ball(welded), True, "the mesh is closed all around, a garment has openings for the body"),
+        (
             measures.nearest > FARTHEST,
             False,
             f"the garment is far from the body, {measures.distance:.2f} m on average: expected one "
             "modelled on the body's rest pose",
         ),
-        (
-            all(float(measures.body_share[REGIONS.index(region)]) > COVERED for region in BARE),
-            True,
-            "the mesh covers head, hands and feet: it is a body, not a garment",
-        ),
         (measures.inside > ENGULFED, False, "the garment is wholly inside the body, not worn over it"),
-        (_is_ball(welded), True, "the mesh is closed all around, a garment has openings for the body"),
         (
             sum(over[region] for region in CLOTHED) < LEAST_CLOTHED,
             lies,
@@ -201,8 +276,34 @@ def _misplaced(measures: Measures, mesh: Mesh, surface: BodySurface) -> str:
             f"{100 * (1 - measures.along):.0f} % crosses the skin; expected one modelled on this "
             "body's rest pose"
         )
-    if measures.around < LEAST_AROUND:
-        return "the garment does not go around any part of the body, so nothing holds it"
+    return _loose(measures)
+
+
+def _loose(measures: Measures) -> str:
+    """Description of why a garment along the skin is not worn, "" if it is."""
+    for wrong, sentence in (
+        (
+            measures.around < LEAST_AROUND,
+            "the garment does not go around any part of the body, so nothing holds it",
+        ),
+        (
+            measures.piece > FARTHEST_PIECE,
+            f"a piece of the garment is {measures.piece:.2f} m from the body, expected all of them on it",
+        ),
+        (
+            measures.hem > FARTHEST_HEM,
+            f"nothing holds the garment: its uppermost hem is {measures.hem:.2f} m from the skin, perhaps it "
+            "lies upside down",
+        ),
+        (
+            measures.upper > WIDEST,
+            "the garment is too wide for the body: its cloth over trunk and upper arms is "
+            f"{measures.upper:.2f} m from them on average",
+        ),
+        (measures.pierced, "the body goes through the cloth of the garment, not through its openings"),
+    ):
+        if wrong:
+            return sentence
     return ""
 
 
@@ -229,4 +330,5 @@ def _turned(mesh: Mesh, surface: BodySurface) -> str:
     points = (cloth.points - centre) @ rotations + centre
     misfits = misfit(ClothSample(points, cloth.normals @ rotations), surface)
     best = int(misfits.argmin())
-    return f"lies {turns[best][0]}" if float(misfits[best]) < 0.5 * float(misfit(cloth, surface)) else ""
+    limit = min(TURNED, CLEARLY_TURNED * float(misfit(cloth, surface)))
+    return f"lies {turns[best][0]}" if float(misfits[best]) < limit else ""

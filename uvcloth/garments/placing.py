@@ -31,6 +31,9 @@ SMALLEST, LARGEST = 0.12, 1.2
 DOLL = 10.0
 """Factor by which a doll's garment may be smaller."""
 
+COMMON = ("m", "cm")
+"""Units that files usually have; others are as unusual as a body of another size."""
+
 UNUSUAL = 1.25
 """Factor on the misfit for an unusual facing or origin: skirts fit equally well in several."""
 
@@ -113,11 +116,14 @@ class ClothSample:
         return cls(sample.points(vertices), normals)
 
 
-def find_placing(path: Path, vertices: Tensor, faces: Tensor, body: Body, surface: BodySurface) -> Placing:
+def find_placings(
+    path: Path, vertices: Tensor, faces: Tensor, body: Body, surface: BodySurface
+) -> tuple[Placing, ...]:
     """Find the placing in which a mesh (N, 3), (F, 3), as its file has it, lies best on a body.
 
-    surface: of the body at rest. Raises InputError naming the path if the mesh is too large or too small for
-    the body in every unit.
+    Where that has another unit than COMMON, the best in one of these follows: a wide skirt is closer to the
+    skin the smaller it is. surface: of the body at rest. Raises InputError naming the path if the mesh is
+    too large or too small for the body in every unit.
     """
     extent = float((vertices.amax(0) - vertices.amin(0)).norm())
     tallest = float((body.mesh.vertices.amax(0) - body.mesh.vertices.amin(0)).norm())
@@ -140,7 +146,9 @@ def find_placing(path: Path, vertices: Tensor, faces: Tensor, body: Body, surfac
     points = torch.stack([candidate.apply(cloth.points, body) for candidate in candidates])
     normals = torch.stack([candidate.turn(cloth.normals) for candidate in candidates])
     unusual = torch.tensor([1.0 if each.usual else UNUSUAL for each in candidates])
-    return candidates[int((unusual * misfit(ClothSample(points, normals), surface)).argmin())]
+    order = (unusual * misfit(ClothSample(points, normals), surface)).argsort(stable=True).tolist()
+    common = [index for index in order if candidates[index].unit in COMMON]
+    return tuple(candidates[index] for index in dict.fromkeys((*order[:1], *common[:1])))
 
 
 def misfit(cloth: ClothSample, surface: BodySurface) -> Tensor:
