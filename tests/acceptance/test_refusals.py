@@ -14,9 +14,7 @@ from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.placing import Placing
 
 
-@pytest.mark.parametrize(
-    "name", ["dress_upside_down", "skirt_upside_down", "three_times_as_deep", "pot"]
-)
+@pytest.mark.parametrize("name", ["dress_upside_down", "skirt_upside_down", "three_times_as_deep", "pot"])
 def test_what_nobody_wears_is_refused_and_the_sentence_says_why(name: str, body: Body) -> None:
     make, sentence = REFUSED[name]
     with pytest.raises(UnwearableError, match=sentence) as caught:
