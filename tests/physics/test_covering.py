@@ -50,6 +50,20 @@ def test_cloth_over_the_skin_keeps_its_bits(body: Body) -> None:
     assert torch.equal(cloth, mesh.vertices)
 
 
+def test_cloth_of_another_limb_is_left_where_it_is(body: Body) -> None:
+    """A sleeve inside the belly, as an arm takes it there, is not put over it."""
+    mesh = fit_template("shirt", body).mesh
+    covering, cloth = Covering.of(body, join_meshes([(mesh.vertices, mesh.faces)])), mesh.vertices.clone()
+    cuff, trunk = cloth[:, 0] > 0.5, cloth[:, 0].abs() < 0.12
+    front = cloth[trunk][cloth[trunk][:, 1].argmin()]
+    cloth[cuff] += front + torch.tensor([0.0, 0.06, 0.0]) - cloth[cuff].mean(0)
+    cloth[trunk] += torch.tensor([0.0, 0.3, 0.0])
+    before = cloth.clone()
+    assert len(covering.exposure.shown([cloth], body.mesh.vertices).rows)
+    covering.cover(cloth, body.mesh.vertices, nobody_follows)
+    assert torch.equal(cloth[cuff], before[cuff])
+
+
 def test_less_skin_is_in_sight_after_clearing(body: Body, monkeypatch: pytest.MonkeyPatch) -> None:
     """All vertices of a tight shirt may be off the skin while its faces cut through shoulders and elbows."""
     mesh = fit_template("shirt", body).mesh

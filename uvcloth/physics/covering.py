@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import JoinedMesh
-from uvcloth.physics.exposure import Exposure
+from uvcloth.physics.exposure import COVER_DISTANCE, Exposure
 
 POINTS = 8000
 """Points over the whole body that look for cloth: about one in a square of 15 mm."""
@@ -25,16 +26,18 @@ OVER = 0.002
 class Covering:
     """Garments of an outfit, and the skin that they cover at rest.
 
-    faces: (F, 3) of all garments, joined.
+    rest: all garments at rest, joined. skin: (P, 3) m, the points that they cover there.
     """
 
     exposure: Exposure
-    faces: Tensor
+    rest: JoinedMesh
+    skin: Tensor
 
     @classmethod
     def of(cls, body: Body, garments: JoinedMesh) -> "Covering":
         """Prepare garments, welded and joined, that lie on a body at rest."""
-        return cls(Exposure(body, [garments], POINTS), garments.faces)
+        exposure = Exposure(body, [garments], POINTS)
+        return cls(exposure, garments, exposure.covered.points(body.mesh.vertices))
 
     def cover(self, cloth: Tensor, body_vertices: Tensor, follow: Callable[[Tensor, Tensor], None]) -> None:
         """Move cloth (U, 3) m over the skin of a posed body (V, 3) m that it covers at rest, in place.
@@ -42,12 +45,17 @@ class Covering:
         follow: lets vertices that did not move follow the moves (U, 3) m of their neighbours.
         """
         shown = self.exposure.shown([cloth], body_vertices)
-        if not len(shown.rows):
+        corners, weights = self.rest.faces[shown.faces], shown.barycentrics
+        # A sleeve that an arm takes into a knee does not cover the knee.
+        way = gather(self.rest.vertices, corners, weights) - self.skin[shown.rows]
+        covers = way.norm(dim=1) < COVER_DISTANCE
+        if not covers.any():
             return
-        rows, weights = self.faces[shown.faces].flatten(), shown.barycentrics
+        rows, weights = corners[covers].flatten(), weights[covers]
+        depths, normals = shown.depths[covers, None], shown.normals[covers, None]
         # The least moves of the corners that move the point of their face by its depth.
-        lengths = weights / weights.square().sum(1, keepdim=True) * (shown.depths + OVER)[:, None]
-        ways = (lengths[..., None] * shown.normals[:, None]).flatten(0, 1)
+        lengths = weights / weights.square().sum(1, keepdim=True) * (depths + OVER)
+        ways = (lengths[..., None] * normals).flatten(0, 1)
         longest = torch.zeros_like(cloth[:, 0]).scatter_reduce(0, rows, lengths.flatten(), "amax")
         mean = torch.nn.functional.normalize(torch.zeros_like(cloth).index_add(0, rows, ways), dim=1)
         moves = longest[:, None] * mean
