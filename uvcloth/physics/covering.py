@@ -13,13 +13,17 @@ from torch import Tensor
 from rasterize.gather import gather
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import JoinedMesh
-from uvcloth.physics.exposure import COVER_DISTANCE, Exposure
+from uvcloth.physics.exposure import Exposure
 
 POINTS = 8000
 """Points over the whole body that look for cloth: about one in a square of 15 mm."""
 
 OVER = 0.002
 """Metres over the skin to which cloth is moved: a face between two points stays over it."""
+
+FARTHEST = 0.45
+"""Metres at rest from skin to cloth that may slide over it: a skirt turns from the back of a leg to its front.
+"""
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,7 @@ class Covering:
         corners, weights = self.rest.faces[shown.faces], shown.barycentrics
         # A sleeve that an arm takes into a knee does not cover the knee.
         way = gather(self.rest.vertices, corners, weights) - self.skin[shown.rows]
-        covers = way.norm(dim=1) < COVER_DISTANCE
+        covers = way.norm(dim=1) < FARTHEST
         if not covers.any():
             return
         rows, weights = corners[covers].flatten(), weights[covers]
