@@ -51,12 +51,11 @@ def test_cloth_over_the_skin_keeps_its_bits(body: Body) -> None:
 
 
 def test_cloth_of_another_limb_is_left_where_it_is(body: Body) -> None:
-    """A sleeve inside the belly, as an arm takes it there, is not put over it."""
+    """A sleeve inside the chest, as an arm takes it there, is not put over it."""
     mesh = fit_template("shirt", body).mesh
     covering, cloth = Covering.of(body, join_meshes([(mesh.vertices, mesh.faces)])), mesh.vertices.clone()
     cuff, trunk = cloth[:, 0] > cloth[:, 0].max() - 0.06, cloth[:, 0].abs() < 0.12
-    front = cloth[trunk][cloth[trunk][:, 1].argmin()]
-    cloth[cuff] += front + torch.tensor([0.0, 0.06, 0.0]) - cloth[cuff].mean(0)
+    cloth[cuff] += torch.tensor([-0.05, -0.08, 0.62]) - cloth[cuff].mean(0)
     cloth[trunk] += torch.tensor([0.0, 0.3, 0.0])
     before = cloth.clone()
     assert len(covering.exposure.shown([cloth], body.mesh.vertices).rows)

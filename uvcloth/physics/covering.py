@@ -22,8 +22,7 @@ OVER = 0.002
 """Metres over the skin to which cloth is moved: a face between two points stays over it."""
 
 FARTHEST = 0.45
-"""Metres at rest from skin to cloth that may slide over it: a skirt turns from the back of a leg to its front.
-"""
+"""Metres at rest from skin to cloth that may slide over it: a skirt turns around a leg."""
 
 
 @dataclass(frozen=True)
