@@ -11,6 +11,7 @@ import torch
 from tests.export.glb_reader import GlbReader, to_z_up
 from uvcloth import ready
 from uvcloth.commands import animate as animation
+from uvcloth.commands import worn
 from uvcloth.commands.animate import animate
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.summary import Totals
@@ -61,7 +62,7 @@ def scene(monkeypatch, body):
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
     monkeypatch.setattr(
-        animation, "load_outfit", lambda names, *_: tuple(SimpleNamespace(name=n, mesh=mesh) for n in names)
+        worn, "load_outfit", lambda names, *_: tuple(SimpleNamespace(name=n, mesh=mesh) for n in names)
     )
     method = SimpleNamespace(
         traits=Traits(is_baseline=True),

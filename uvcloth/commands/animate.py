@@ -1,6 +1,6 @@
 """Animation files of garments that move over a motion."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -16,24 +16,18 @@ from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.visible import visible_body
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.summary import Summary, Totals
+from uvcloth.commands.worn import load_wanted_method, load_worn
 from uvcloth.errors import InputError
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.shot import Shot
 from uvcloth.export.size import announce
 from uvcloth.export.writer import close_together, open_writer
-from uvcloth.garments.fit import Fitting
-from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.garments.holds import Hold
-from uvcloth.garments.loading import load_outfit
-from uvcloth.garments.tucks import Tuck
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.methods.automatic import AUTO, named_models
-from uvcloth.methods.method import Method
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.cloth_exposure import ClothExposure
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.hidden_skin import HiddenSkin
-from uvcloth.ready import find_device, ready_method, ready_rollout
+from uvcloth.ready import find_device, ready_rollout
 from uvcloth.rollout import BrokenRolloutError, RolloutFrame
 
 
@@ -70,9 +64,9 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     body, out = load_body(command.body), command.out
     report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     with console.status("preparing"):
-        outfit = Outfit(body, _load_garments(command, body, report))
+        outfit = load_worn(command, body, report, command.template)
         place = find_device(command.device)
-        method, clear, choice = _load_method(command, outfit)
+        method, clear, choice = load_wanted_method(command, outfit, command.finish)
         ready = ready_rollout(
             method, outfit, load_clip(command.motion, body, command.options), clear, loop=command.loop
         )
@@ -161,20 +155,6 @@ def _interval(out: Sequence[Path], frames: int) -> int:
     if all(path.suffix.lower() in SHEETS for path in out):
         return max(EVERY_IN_PREVIEW, sheet_interval(frames, coarse=True))
     return EVERY_IN_PREVIEW
-
-
-def _load_garments(command: Rollout, body: Body, report: Callable[[str], None]) -> tuple[Garment, ...]:
-    """The garments of a rollout on a body."""
-    how = Fitting(command.garment_pose, from_body=command.from_body)
-    tucks = [Tuck.parse(text) for text in command.tuck]
-    holds = [Hold.parse(text) for text in command.hold]
-    return load_outfit(command.garment, body, report, command.template, how, command.fabric, tucks, holds)
-
-
-def _load_method(command: Rollout, outfit: Outfit) -> tuple[Method, bool, str | None]:
-    """The method of a rollout with its finish, whether clearing comes after it, and a line on its choice."""
-    models, line = named_models(command.model or (AUTO,), outfit)
-    return *ready_method(models, outfit, command.finish, command.quality, command.fabric), line
 
 
 def _progress(console: Console) -> Progress:

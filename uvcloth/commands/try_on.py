@@ -8,14 +8,9 @@ from rich.console import Console
 
 from uvcloth.bodies.body import load_body
 from uvcloth.commands.tryon import TryOn
+from uvcloth.commands.worn import load_wanted_method, load_worn
 from uvcloth.files.image import read_picture, write_png
-from uvcloth.garments.fit import Fitting
-from uvcloth.garments.garment import Outfit
-from uvcloth.garments.holds import Hold
-from uvcloth.garments.loading import load_outfit
-from uvcloth.garments.tucks import Tuck
-from uvcloth.methods.automatic import AUTO, named_models
-from uvcloth.ready import ready_method, ready_rollout
+from uvcloth.ready import ready_rollout
 from uvcloth.tryon.fit import fit_person, require_fit
 from uvcloth.tryon.keypoints import read_keypoints
 from uvcloth.tryon.picture import dressed_picture, fitted_picture
@@ -33,14 +28,8 @@ def try_on(command: TryOn) -> Iterator[str]:
     size = photograph.shape[1], photograph.shape[0]
     keypoints = read_keypoints(command.keypoints, size)
     with console.status("loading the garments"):
-        how = Fitting(command.garment_pose, from_body=command.from_body)
-        tucks, holds = map(Tuck.parse, command.tuck), map(Hold.parse, command.hold)
-        garments = load_outfit(
-            command.garment, body, report, (), how, command.fabric, list(tucks), list(holds)
-        )
-        outfit = Outfit(body, garments)
-        models, line = named_models(command.model or (AUTO,), outfit)
-        method, clear = ready_method(models, outfit, None, command.quality, command.fabric)
+        outfit = load_worn(command, body, report)
+        method, clear, line = load_wanted_method(command, outfit)
     if line:
         report(line)
     with console.status("fitting the body"):

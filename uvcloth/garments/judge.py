@@ -12,8 +12,8 @@ from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.errors import InputError
 from uvcloth.garments.places import hems
 from uvcloth.garments.placing import AXES, SEARCH_DISTANCE, ClothSample, lies_along, misfit
-from uvcloth.geometry.mesh import Mesh, boundary_edges, edge_groups, face_normals, unique_edges, weld
-from uvcloth.motion.roles import assign_roles
+from uvcloth.geometry.mesh import Mesh, boundary_edges, edge_groups, face_normals, unique_edges
+from uvcloth.motion.roles import joint_roles
 from uvcloth.physics.exposure import Shell
 from uvcloth.physics.surface import BodySurface
 
@@ -140,8 +140,11 @@ class Measures:
     piece: float
 
 
-def measure(mesh: Mesh, body: Body, surface: BodySurface) -> Measures:
-    """Measure how a garment at rest, in metres, lies on a body; surface: of the body at rest."""
+def measure(mesh: Mesh, welded: Tensor, body: Body, surface: BodySurface) -> Measures:
+    """Measure how a garment at rest, in metres, lies on a body.
+
+    welded: as of `refuse_unworn`. surface: of the body at rest.
+    """
     cloth = ClothSample.of(mesh.vertices, mesh.faces, POINTS)
     nearest = surface.closest(cloth.points, SEARCH_DISTANCE)
     distance, over = nearest.signed_distance.abs(), body.regions[nearest.faces]
@@ -149,7 +152,9 @@ def measure(mesh: Mesh, body: Body, surface: BodySurface) -> Measures:
     skin = face_normals(body.mesh.vertices, body.mesh.faces).norm(dim=1)
     areas = torch.zeros(len(REGIONS)).index_add(0, body.regions, skin)
     area = face_normals(mesh.vertices, mesh.faces).norm(dim=1).sum()
-    around = _around(mesh, body)
+    shell = Shell(mesh.vertices, mesh.faces)
+    away = surface.closest(mesh.vertices, SEARCH_DISTANCE).signed_distance.abs()
+    around = _around(shell, body)
     upper = torch.isin(over, torch.tensor([REGIONS.index(region) for region in UPPER]))
     return Measures(
         inside=float((nearest.signed_distance < 0).float().mean()),
@@ -161,43 +166,48 @@ def measure(mesh: Mesh, body: Body, surface: BodySurface) -> Measures:
         body_share=regions * area / areas.clamp(min=1e-9),
         around=float(around[:-1].max()),
         around_head=float(around[-1]),
-        pierced=pierced(mesh, body),
-        hem=_uppermost_hem(mesh, surface),
+        pierced=_pierced(shell, body),
+        hem=_uppermost_hem(mesh.vertices, welded, away),
         upper=float(distance[upper].mean()) if upper.float().mean() > MOSTLY else 0.0,
-        piece=_farthest_piece(mesh, surface),
+        piece=_farthest_piece(welded, away[mesh.faces]),
     )
 
 
-def pierced(mesh: Mesh, body: Body) -> bool:
+def _pierced(cloth: Shell, body: Body) -> bool:
     """Test for a bone of BONES that runs through cloth."""
-    roles = assign_roles(body.skeleton.names, {})
+    roles = joint_roles(body.skeleton.names)
     chains = [[roles[role] for role in chain if role in roles] for chain in BONES]
     bones = torch.tensor([bone for chain in chains for bone in pairwise(chain)], dtype=torch.int64)
     start, end = body.skeleton.heads[bones.reshape(-1, 2)].unbind(1)
     length = (end - start).norm(dim=1)
     along = (end - start) / length[:, None]
-    return bool((Shell(mesh.vertices, mesh.faces).first_hit(start, along, AROUND_REACH)[0] < length).any())
+    return bool((cloth.first_hit(start, along, AROUND_REACH)[0] < length).any())
 
 
-def _uppermost_hem(mesh: Mesh, surface: BodySurface) -> float:
-    """Metres from half of the corners of a garment's uppermost hem to the skin, 0 without a hem."""
-    loops = hems(boundary_edges(weld(mesh.vertices)[mesh.faces]))
+def _uppermost_hem(vertices: Tensor, welded: Tensor, away: Tensor) -> float:
+    """Metres from half of the corners of the uppermost hem to the skin, 0 without a hem.
+
+    vertices: (N, 3) m, of which away: (N,) m is the distance to the skin. welded: (F, 3).
+    """
+    loops = hems(boundary_edges(welded))
     if not loops:
         return 0.0
-    highest = max((mesh.vertices[loop] for loop in loops), key=lambda corners: float(corners[:, 2].mean()))
-    return float(surface.closest(highest, SEARCH_DISTANCE).signed_distance.abs().median())
+    highest = max(loops, key=lambda loop: float(vertices[loop, 2].mean()))
+    return float(away[highest].median())
 
 
-def _farthest_piece(mesh: Mesh, surface: BodySurface) -> float:
-    """Metres from the skin to the closest corner of the piece whose closest corner is farthest from it."""
-    corners = weld(mesh.vertices)[mesh.faces]
-    piece = edge_groups(torch.cat([corners[:, :2], corners[:, 1:]]), len(mesh.vertices))[: len(corners)]
-    distance = surface.closest(mesh.vertices, SEARCH_DISTANCE).signed_distance.abs()[mesh.faces].amin(1)
-    farthest = torch.full((len(mesh.vertices),), torch.inf).scatter_reduce(0, piece, distance, "amin")
-    return float(farthest[torch.isfinite(farthest)].max())
+def _farthest_piece(welded: Tensor, away: Tensor) -> float:
+    """Metres from the skin to the closest corner of the piece whose closest corner is farthest from it.
+
+    welded: (F, 3). away: (F, 3) m, distances of the corners to the skin.
+    """
+    edges = torch.cat([welded[:, :2], welded[:, 1:]])
+    piece = edge_groups(edges, int(welded.max()) + 1)[: len(welded)]
+    closest = torch.full((len(welded),), torch.inf).scatter_reduce(0, piece, away.amin(1), "amin")
+    return float(closest[torch.isfinite(closest)].max())
 
 
-def _around(mesh: Mesh, body: Body) -> Tensor:
+def _around(cloth: Shell, body: Body) -> Tensor:
     """Share (P,) of the directions across places on the bones, the head last, in which a ray hits the
     garment.
     """
@@ -216,9 +226,7 @@ def _around(mesh: Mesh, body: Body) -> Tensor:
     angles = torch.arange(DIRECTIONS)[:, None, None] * (2 * math.pi / DIRECTIONS)
     rays = angles.cos() * side + angles.sin() * torch.linalg.cross(axes, side)
     origins = places.expand(DIRECTIONS, -1, -1)
-    met, _ = Shell(mesh.vertices, mesh.faces).first_hit(
-        origins.reshape(-1, 3), rays.reshape(-1, 3), AROUND_REACH
-    )
+    met, _ = cloth.first_hit(origins.reshape(-1, 3), rays.reshape(-1, 3), AROUND_REACH)
     return (met.reshape(DIRECTIONS, -1) < AROUND_REACH).float().mean(0)
 
 
@@ -227,7 +235,7 @@ def refuse_unworn(path: Path, mesh: Mesh, welded: Tensor, body: Body, surface: B
 
     mesh: at rest in metres. welded: (F, 3), its faces after vertices at the same place are joined.
     """
-    measures = measure(mesh, body, surface)
+    measures = measure(mesh, welded, body, surface)
     reason, anywhere = _no_garment(measures, welded)
     reason = reason or _misplaced(measures, mesh, surface)
     if reason:

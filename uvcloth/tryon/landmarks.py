@@ -9,8 +9,9 @@ from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.geometry.skinning import apply_transforms
 from uvcloth.motion.roles import joint_roles
 
-JOINTS = {"shoulder": "upper_arm", "elbow": "forearm", "wrist": "hand", "hip": "thigh", "knee": "shin"} | {
-    "ankle": "foot"
+JOINTS = {
+    **{"shoulder": "upper_arm", "elbow": "forearm", "wrist": "hand"},
+    **{"hip": "thigh", "knee": "shin", "ankle": "foot"},
 }
 """Role of the joint that a keypoint of a limb shows."""
 

@@ -1,0 +1,36 @@
+"""The garments and the method that the options of a command ask for."""
+
+from collections.abc import Callable, Sequence
+
+from uvcloth.bodies.body import Body
+from uvcloth.commands.rollout import Rollout
+from uvcloth.commands.tryon import TryOn
+from uvcloth.garments.fit import Fitting
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.holds import Hold
+from uvcloth.garments.loading import load_outfit
+from uvcloth.garments.tucks import Tuck
+from uvcloth.methods.automatic import AUTO, named_models
+from uvcloth.methods.finish_names import FinishName
+from uvcloth.methods.method import Method
+from uvcloth.ready import ready_method
+
+
+def load_worn(
+    command: Rollout | TryOn, body: Body, report: Callable[[str], None], templates: Sequence[str] = ()
+) -> Outfit:
+    """The garments of a command on a body. templates: as `load_outfit` has them."""
+    how = Fitting(command.garment_pose, from_body=command.from_body)
+    tucks = [Tuck.parse(text) for text in command.tuck]
+    holds = [Hold.parse(text) for text in command.hold]
+    return Outfit(
+        body, load_outfit(command.garment, body, report, templates, how, command.fabric, tucks, holds)
+    )
+
+
+def load_wanted_method(
+    command: Rollout | TryOn, outfit: Outfit, finish: FinishName | None = None
+) -> tuple[Method, bool, str | None]:
+    """The method of a command with its finish, whether clearing comes after it, and a line on its choice."""
+    models, line = named_models(command.model or (AUTO,), outfit)
+    return *ready_method(models, outfit, finish, command.quality, command.fabric), line
