@@ -171,9 +171,9 @@ def load_model(model: File | Sequence[File] = DEFAULT, body: Body | None = None)
     """Load what moves garments: a model by its name or the folder of its training.
 
     model: "physics", the cloth solver on cages of the garments; "physxnet" (any garment), "motion_guided"
-    (the dress), "pbns" (bottoms and tops) or "deepsd" (any) as they ship; "lbs", "lbs_smooth", or a folder
-    that `uvcloth train` wrote; several, one for each garment of an outfit in order. body: that of the
-    outfit, by default the one in the package.
+    (the dress), "recurrent" (tops, shirt, bottoms, dress), "pbns" (bottoms and tops) or "deepsd" (any) as
+    they ship; "lbs", "lbs_smooth", or a folder that `uvcloth train` wrote; several, one for each garment of
+    an outfit in order. body: that of the outfit, by default the one in the package.
 
     Raises InputError for an unknown name, and for a damaged model, or one of another body.
     """

@@ -28,7 +28,9 @@ def test_what_ships_is_registered_and_can_be_loaded() -> None:
 
 
 def test_rigs_in_help_are_those_that_ship(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert list_rigs() == "recurrent (the dress) or pbns (bottoms under tops) or deepsd (any garments)"
+    assert list_rigs() == (
+        "recurrent (tops, shirt, bottoms, dress) or pbns (bottoms under tops) or deepsd (any garments)"
+    )
     monkeypatch.setitem(METHODS, "mine", Registered("mine", METHODS["pbns"].entry, rig=True))
     assert "mine" in list_methods()
     assert "mine" not in list_rigs()

@@ -46,7 +46,9 @@ METHODS: dict[str, Registered] = {
     ),
     "physxnet": Registered("any garment", "uvcloth.methods.physxnet.method:ENTRY"),
     "motion_guided": Registered("the dress", "uvcloth.methods.motion_guided.method:ENTRY"),
-    "recurrent": Registered("the dress", "uvcloth.methods.recurrent.method:ENTRY", rig=True),
+    "recurrent": Registered(
+        "tops, shirt, bottoms, dress", "uvcloth.methods.recurrent.method:ENTRY", rig=True
+    ),
     "pbns": Registered("bottoms under tops", "uvcloth.methods.pbns.method:ENTRY", rig=True),
     "deepsd": Registered("any garments", "uvcloth.methods.deepsd.method:ENTRY", rig=True),
     "lbs": Registered("linear blend skinning", "uvcloth.methods.lbs:LBS"),
