@@ -129,6 +129,19 @@ class Collider:
             touches[upper] |= touches[lower]
         return touches
 
+    @staticmethod
+    def crossed(touches: Tensor) -> Tensor:
+        """Mask (parts, N) of the parts that each point may be moved into: mocap moves forearms through legs.
+
+        touches: (parts, N), as `touches` returns it.
+        """
+        legs, forearms = list(LEG_PARTS), list(FOREARM_PARTS)
+        sleeve = touches[forearms].any(0)
+        crossed = torch.zeros_like(touches)
+        crossed[legs] = sleeve & ~touches[legs].any(0)
+        crossed[forearms] = touches[legs].any(0) & ~sleeve
+        return crossed
+
 
 @once_per_body
 def make_collider(body: Body, parts: Parts = COLLIDER_PARTS) -> Collider:

@@ -14,10 +14,10 @@ from uvcloth.physics.exposure import (
     HIDING_DISTANCE,
     RAY_START_HEIGHT,
     UNDER_SKIN_DISTANCE,
-    Shell,
     SurfaceSample,
     spread,
 )
+from uvcloth.physics.surface import Shell
 
 OUTFIT_POINTS = 12000
 """Points over the cloth of an outfit: about one in a square of 15 mm."""

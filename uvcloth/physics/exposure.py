@@ -13,9 +13,8 @@ from torch import Tensor
 from rasterize.gather import gather
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import JoinedMesh, Mesh, face_normals, join_meshes
-from uvcloth.physics import kernels
-from uvcloth.physics.launch import array, launch
-from uvcloth.physics.surface import MovingMeshes
+from uvcloth.physics.surface import Shell
+from uvcloth.physics.visibility import Onlooker
 
 CLOTH_POINTS = 3000
 """Points over the cloth of a garment."""
@@ -75,35 +74,6 @@ def spread(vertices: Tensor, faces: Tensor, count: int) -> SurfaceSample:
     return SurfaceSample(faces[rows], torch.stack([u, v, 1 - u - v], dim=1).to(vertices.dtype))
 
 
-class Shell(MovingMeshes):
-    """Mesh for ray casting, closed or not: vertices (V, 3) metres, faces (F, 3)."""
-
-    def __init__(self, vertices: Tensor, faces: Tensor) -> None:
-        super().__init__(vertices, (faces,))
-        self._id = int(self.ids.numpy()[0])
-
-    def first_hit(self, points: Tensor, directions: Tensor, reach: float) -> tuple[Tensor, Tensor]:
-        """First hits of rays from points along unit directions, (P, 3) each.
-
-        Returns distances (P,) m, beyond the reach where nothing is within, and the cosines (P,) between ray
-        and normal there: negative from outside.
-        """
-        distance, facing, _, _ = self.first_faces(points, directions, reach)
-        return distance, facing
-
-    def first_faces(
-        self, points: Tensor, directions: Tensor, reach: float
-    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """First hits as of `first_hit`, with the faces (P,) int64 that are met, and barycentrics (P, 3)."""
-        distance, facing = torch.empty_like(points[:, 0]), torch.empty_like(points[:, 0])
-        faces = torch.zeros(len(points), dtype=torch.int32, device=points.device)
-        barycentrics = torch.zeros_like(points)
-        query = map(array, (points.contiguous(), directions.contiguous()))
-        outputs = map(array, (distance, facing, faces, barycentrics))
-        launch(kernels.first_hit, len(points), self.device, self._id, *query, reach, *outputs)
-        return distance, facing, faces.long(), barycentrics
-
-
 @dataclass(frozen=True)
 class ShownSkin:
     """Points of the skin that show through cloth, K of them, and the cloth beneath each.
@@ -125,7 +95,8 @@ class Exposure:
     A point of the skin is covered if the ray along its normal first meets, within COVER_DISTANCE, the inner
     side of the garments. It shows if, posed, the ray into the body first meets their outer side, within
     UNDER_SKIN_DISTANCE, and neither they nor another part of the body are within HIDING_DISTANCE in front.
-    Skin that a hem has left bare does not count. covered: these points.
+    Skin that a hem has left bare does not count, nor in measures what is seen from no side, as in a lap.
+    covered: these points.
     """
 
     def __init__(self, body: Body, garments: Sequence[Mesh | JoinedMesh], count: int = SKIN_POINTS) -> None:
@@ -134,6 +105,7 @@ class Exposure:
         everywhere = spread(body.mesh.vertices, body.mesh.faces, count)
         covered = _covered(self._cloth, self._body, everywhere, body.mesh.vertices)
         self.covered = everywhere.subset(covered)
+        self._onlooker = Onlooker([(mesh.vertices, mesh.faces) for mesh in (*garments, body.mesh)])
 
     def shown(self, garments: Sequence[Tensor], body_vertices: Tensor) -> ShownSkin:
         """Covered points of a posed body (V, 3) m that show through garments (N, 3) m."""
@@ -150,9 +122,12 @@ class Exposure:
         return ShownSkin(rows, *(values[rows] for values in (normals, depths, faces, barycentrics)))
 
     def shows(self, garments: Sequence[Tensor], body_vertices: Tensor) -> Tensor:
-        """Mask (P,) of the covered points of a posed body (V, 3) m that show through garments (N, 3) m."""
+        """Mask (P,) of the covered points that show, as of `shown`, and are seen from any side."""
         shows = torch.zeros(len(self.covered.corners), dtype=torch.bool, device=body_vertices.device)
-        shows[self.shown(garments, body_vertices).rows] = True
+        rows = self.shown(garments, body_vertices).rows
+        if len(rows):
+            self._onlooker.update([*garments, body_vertices])
+            shows[rows] = self._onlooker.sees(self.covered.subset(rows).points(body_vertices))
         return shows
 
     def percent(self, garments: Sequence[Tensor], body_vertices: Tensor) -> float:

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import Mesh, face_normals, join_meshes
-from uvcloth.physics.exposure import Shell
+from uvcloth.physics.surface import Shell
 
 CLOSE = 0.06
 """Metres in front of the skin within which cloth hides it; under a skirt legs can be seen."""

@@ -97,7 +97,10 @@ class OutfitClearing:
             used,
             FineMesh(thickness.numpy(), *rings),
             solid,
-            solid._replace(touches=np.ascontiguousarray(cages_touch[met].numpy())),
+            solid._replace(
+                touches=np.ascontiguousarray(cages_touch[met].numpy()),
+                crossed=np.ascontiguousarray(closed.crossed(cages_touch)[met].numpy()),
+            ),
             apart,
             tuple(_layers(sized, touch_bits(touches), apart)),
             Covering.of(body, join_meshes((each.points, each.faces) for each in garments)),

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.geometry.mesh import join_meshes
-from uvcloth.physics.exposure import Shell
+from uvcloth.physics.surface import Shell
 
 RISES = (-10.0, 10.0, 40.0, 75.0)
 """Degrees above the horizon from which a person looks."""
@@ -34,6 +34,10 @@ class Onlooker:
         flat = (rises.cos()[:, None] * level).reshape(-1, 2)
         up = rises.sin().expand(-1, TURNS).reshape(-1, 1)
         self._directions = torch.cat([flat, up], 1).to(everything.vertices)
+
+    def update(self, vertices: Sequence[Tensor]) -> None:
+        """Move the meshes to new vertices (V, 3), (N, 3) m."""
+        self._shell.update(torch.cat(list(vertices)))
 
     def sees(self, points: Tensor) -> Tensor:
         """Mask (P,) of the points (P, 3) m that are seen from any side."""

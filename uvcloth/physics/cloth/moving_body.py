@@ -51,7 +51,7 @@ class Body(NamedTuple):
     faces: (F, 3) int32, part after part. neighbours: (F, 3) int32, across edge i to i + 1. tree: one root per
     part. patches: of the tree; patch_parts: (P,) int32, which part each is of. around: the faces around each
     vertex, in order, from around_starts, (V + 1,), on. touches: (K, N) bool, the parts that may touch each
-    vertex of the cloth.
+    vertex of the cloth; crossed: (K, N) bool, those that it may be inside of without a touch.
     """
 
     faces: NDArray[np.int32]
@@ -62,10 +62,13 @@ class Body(NamedTuple):
     around: NDArray[np.int32]
     around_starts: NDArray[np.int32]
     touches: NDArray[np.bool_]
+    crossed: NDArray[np.bool_]
 
 
-def make_body(vertices: NDArray, parts: Sequence[NDArray], touches: NDArray) -> Body:
-    """Make the body of its parts, faces (F, 3) each, at vertices (V, 3) m. touches: (K, N) bool."""
+def make_body(
+    vertices: NDArray, parts: Sequence[NDArray], touches: NDArray, crossed: NDArray | None = None
+) -> Body:
+    """Make the body of its parts, faces (F, 3) each, at vertices (V, 3) m. touches, crossed: (K, N) bool."""
     faces = np.concatenate([np.zeros((0, 3)), *parts]).astype(np.int32)
     neighbours, first = [np.zeros((0, 3))], 0
     for part in parts:
@@ -84,6 +87,7 @@ def make_body(vertices: NDArray, parts: Sequence[NDArray], touches: NDArray) -> 
         around=(corners // 3).astype(np.int32),
         around_starts=np.searchsorted(faces.ravel()[corners], np.arange(len(vertices) + 1)).astype(np.int32),
         touches=np.ascontiguousarray(touches, np.bool_),
+        crossed=np.ascontiguousarray(np.zeros_like(touches) if crossed is None else crossed, np.bool_),
     )
 
 

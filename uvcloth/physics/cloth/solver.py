@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from uvcloth.errors import InputError
 from uvcloth.geometry.units import GRAVITY
 from uvcloth.physics.cloth.body_contact import CLOSE, Watch, find_contacts, no_contacts, resolve_contacts
+from uvcloth.physics.cloth.caught import find_caught, without_caught
 from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
 from uvcloth.physics.cloth.forces import Hinges, Membrane, add_elastic_forces
 from uvcloth.physics.cloth.moving_body import Body, Memory, begin_passage, end_passage, no_memory
@@ -282,6 +283,7 @@ def _advance(
     point_wait, edge_wait = np.zeros(0, np.int32), np.zeros(0, np.int32)
     passage = begin_passage(body, drive.body_start, drive.body_end, positions, near, frame, renewal)
     contacts = no_contacts()
+    caught = find_caught(body, drive.body_start, positions)
     watched = radius + WATCHED + particles.thickness
     until_next = np.float32(body_interval) / np.float32(substeps)
     watch = Watch(velocities, watched, until_next, seconds, reach, CLOSE)
@@ -305,6 +307,7 @@ def _advance(
                     speeds,
                     cones,
                 )
+                pairs = without_caught(pairs, sheet, body, caught)
                 point_wait = np.zeros(len(pairs.points), np.int32)
                 edge_wait = np.zeros(len(pairs.edges), np.int32)
             resolve_pairs(
