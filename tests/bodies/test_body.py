@@ -176,6 +176,26 @@ def test_cloth_on_a_body_without_arms_meets_its_torso(body: Body) -> None:
     assert touches[TORSO_PART].float().mean() > 0.9
 
 
+def test_all_of_a_narrow_skirt_touches_both_legs_and_trousers_touch_their_own(body: Body) -> None:
+    """A tube 2 cm off both thighs, from 8 to 28 cm below the crotch."""
+    torso, thigh = (body.mesh.faces[body.regions == REGIONS.index(name)] for name in ("torso", "thigh"))
+    middle = body.mesh.vertices[torso, 2].min() - 0.18
+    thighs = body.mesh.vertices[thigh].reshape(-1, 3)
+    low, high = thighs[(thighs[:, 2] - middle).abs() < 0.1, :2].aminmax(dim=0)
+    tube = trimesh.creation.cylinder(1.0, 0.2, sections=64).subdivide()
+    around = torch.tensor(tube.faces[abs(tube.face_normals[:, 2]) < 0.5]).long()
+    size = torch.cat([(high - low) / 2 + 0.02, torch.ones(1)])
+    skirt = torch.tensor(tube.vertices).float() * size + torch.cat([(high + low) / 2, middle[None]])
+    trousers, collider = fit_template("bottoms", body).mesh, make_collider(body)
+    for points, faces in ((skirt, around), (trousers.vertices, trousers.faces)):
+        beside, legs = (
+            collider.touches(points, body.mesh.vertices, by)[list(LEG_PARTS)][:, faces.unique()]
+            for by in (None, faces)
+        )
+        assert beside.all(0).float().mean() < 0.9
+        assert legs.all() if faces is around else torch.equal(legs, beside)
+
+
 def test_a_wide_sleeve_is_no_skirt_and_a_wide_skirt_no_sleeve(body: Body) -> None:
     heads = dict(zip(body.skeleton.names, body.skeleton.heads, strict=True))
     sleeve = 0.5 * (heads["RightForeArm"] + heads["RightHand"]) - torch.tensor([0.0, 0.0, 0.1])

@@ -19,7 +19,7 @@ from torch import Tensor
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.bodies.once import once_per_body
 from uvcloth.errors import InputError
-from uvcloth.geometry.mesh import boundary_edges, edge_groups
+from uvcloth.geometry.mesh import boundary_edges, edge_groups, unique_edges
 
 Parts = Sequence[tuple[tuple[str, ...], tuple[int, ...]]]
 """Regions that move together, and their sides."""
@@ -61,6 +61,9 @@ PART_SLACK = 0.03
 
 FREE_HANGING_DISTANCE = 0.04
 """Metres from the body at rest beyond which cloth drapes freely, as a skirt does, and touches both legs."""
+
+BELOW_CROTCH = 0.05
+"""Metres below the crotch from where cloth that joins both legs is a skirt: trousers join them above."""
 
 CAP_HEIGHT = 0.7
 """Height of the caps, in radii of the opening: high enough that a cut knee keeps its shape."""
@@ -110,10 +113,12 @@ class Collider:
         sleeved = tuple(pair for pair in SLEEVE_PAIRS if self.pressed and bool(touched[pair[0]]))
         return replace(self, pressed=tuple(dict.fromkeys((*self.pressed, *sleeved))))
 
-    def touches(self, points: Tensor, body_vertices: Tensor) -> Tensor:
+    def touches(self, points: Tensor, body_vertices: Tensor, faces: Tensor | None = None) -> Tensor:
         """Mask of the parts that each point of a garment (N, 3) m at rest may touch: (parts, N) bool.
 
-        Cloth touches the parts that it lies next to, and a skirt the legs. In the armpit it touches arm and
+        faces: (M, 3) of the garment, by which a narrow skirt is known.
+
+        Cloth touches the parts that it lies next to, and a skirt both legs. In the armpit it touches arm and
         torso: contact opens them, so that cloth has room between. A forearm is touched by its sleeve alone,
         which is at least twice as far from trunk and legs; a wide skirt next to a hand does not touch it.
         """
@@ -127,7 +132,28 @@ class Collider:
         touches &= torch.isfinite(distance)
         for lower, upper in LIMBS:
             touches[upper] |= touches[lower]
+        if faces is not None:
+            touches[list(LEG_PARTS)] |= self._skirt(points, faces, body_vertices, distance)
         return touches
+
+    def _skirt(self, points: Tensor, faces: Tensor, body_vertices: Tensor, distance: Tensor) -> Tensor:
+        """Mask (N,) of the points of cloth that joins both legs below the crotch.
+
+        distance: (parts, N) m of the points from the parts.
+        """
+        torso = self.parts[TORSO_PART]
+        on_body = (torso < len(body_vertices)).all(1)
+        crotch = body_vertices[torso[on_body], 2].amin()
+        edges = unique_edges(faces)
+        edges = edges[(points[edges, 2] < crotch - BELOW_CROTCH).all(1)]
+        groups = edge_groups(edges, len(points)).repeat_interleave(2)
+        ends = edges.flatten()
+        left, right = (distance[list(LEG_PARTS)[side::2]].amin(0) for side in (0, 1))
+        sides = torch.zeros(2, len(points), dtype=torch.bool)
+        sides[(left < right).long()[ends], groups] = True
+        skirt = torch.zeros(len(points), dtype=torch.bool)
+        skirt[ends] = sides.all(0)[groups]
+        return skirt
 
     @staticmethod
     def crossed(touches: Tensor) -> Tensor:

@@ -307,7 +307,11 @@ def _loose(measures: Measures) -> str:
             "the garment is too wide for the body: its cloth over trunk and upper arms is "
             f"{measures.upper:.2f} m from them on average",
         ),
-        (measures.pierced, "the body goes through the cloth of the garment, not through its openings"),
+        (
+            measures.pierced,
+            "the body goes through the cloth of the garment, not through its openings: perhaps neck or cuffs "
+            "are closed",
+        ),
     ):
         if wrong:
             return sentence

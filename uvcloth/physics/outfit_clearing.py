@@ -12,7 +12,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import Collider, compact, make_collider, touch_bits
 from uvcloth.bodies.opened import Opening, make_opening
 from uvcloth.bodies.stature import beside_adults
-from uvcloth.geometry.mesh import Mesh, WeldedMesh, join_meshes, unique_edges, welded
+from uvcloth.geometry.mesh import JoinedMesh, Mesh, WeldedMesh, join_meshes, unique_edges, welded
 from uvcloth.physics.cloth import moving_body
 from uvcloth.physics.cloth.clearing import FineMesh, FineState, clear, follow
 from uvcloth.physics.cloth.cloth import vertex_rings
@@ -69,7 +69,7 @@ class OutfitClearing:
     covering: Covering
 
     @classmethod
-    def of(cls, body: Body, meshes: Sequence[Mesh], cages: Tensor | None = None) -> "OutfitClearing":
+    def of(cls, body: Body, meshes: Sequence[Mesh], cages: JoinedMesh | None = None) -> "OutfitClearing":
         """Prepare garments at rest, the innermost first.
 
         cages: (n, 3) m at rest, other cloth that meets the same collider.
@@ -79,9 +79,12 @@ class OutfitClearing:
         garments = tuple(welded(mesh.vertices, mesh.faces) for mesh in meshes)
         sized = [(each.points / size, each.faces) for each in garments]
         joined = join_meshes(sized)
-        others = torch.zeros(0, 3) if cages is None else cages / size
+        others = torch.zeros(0, 3) if cages is None else cages.vertices / size
         parts = (len(joined.vertices), len(others))
-        every = closed.touches(torch.cat([joined.vertices, others]), rest)
+        both = (
+            joined.faces if cages is None else torch.cat([joined.faces, cages.faces + len(joined.vertices)])
+        )
+        every = closed.touches(torch.cat([joined.vertices, others]), rest, both)
         met = every.any(1)
         touches, cages_touch = every.split(parts, dim=1)
         used, faces = compact([part for part, is_met in zip(closed.parts, met, strict=True) if is_met])

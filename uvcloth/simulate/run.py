@@ -107,7 +107,7 @@ def make_scene(
     skinned = torch.cat([c[:, cloth.kept] for c, cloth in zip(references, cloths, strict=True)], dim=1)
     bands = [cloth.band.vertices[cloth.kept] for cloth in cloths]
     outfit = join_meshes((cloth.garment.mesh.vertices[cloth.kept], cloth.faces) for cloth in cloths)
-    touches = collider.touches(outfit.vertices, body.mesh.vertices)
+    touches = collider.touches(outfit.vertices, body.mesh.vertices, outfit.faces)
     met = touches.any(1)
     opening = make_opening(collider.for_cloth(met), body.mesh.vertices)
     return Scene(

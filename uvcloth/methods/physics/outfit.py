@@ -162,7 +162,7 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
     body = outfit.body
     garments = tuple(_caged(outfit.garments, QUALITIES[config.quality]))
     joined = join_meshes((each.cage.vertices, each.cage.faces) for each in garments)
-    clearing = OutfitClearing.of(body, [garment.mesh for garment in outfit.garments], joined.vertices)
+    clearing = OutfitClearing.of(body, [garment.mesh for garment in outfit.garments], joined)
     bands = [holding_band(garment, body) for garment in outfit.garments]
     held = torch.cat(
         [
