@@ -57,12 +57,7 @@ MOST_STRETCHED = 0.18
 FARTHEST_SETTLED = 0.25
 """Metres that a vertex may move until a garment is settled: beyond, it does not lie where it was placed."""
 
-
-class NowhereError(UnwearableError):
-    """A garment that lies nowhere on the body as clothes lie."""
-
-    def __init__(self, path: Path, mesh: Mesh) -> None:
-        super().__init__(f"{path}: the garment lies nowhere on the body as clothes lie", mesh)
+NOWHERE = "the garment lies nowhere on the body as clothes lie"
 
 
 @dataclass(frozen=True)
@@ -172,8 +167,8 @@ def _usual(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diag
             raise
         try:
             return _aligned(path, mesh, body, how)
-        except NowhereError:
-            raise error from None
+        except UnwearableError as other:
+            raise other if other.lies else error from None
     inside = usual[1].inside_share
     if inside > SOME_INSIDE:
         usual = _settled(path, *usual, body)
@@ -228,7 +223,7 @@ def _aligned(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Di
     alignment = align(mesh, body, how.known, None if how.pose is None else POSES[how.pose])
     natural = replace(mesh, vertices=alignment.apply(mesh.vertices))
     if alignment.misfit > LIES_BADLY:
-        raise NowhereError(path, natural)
+        raise UnwearableError(f"{path}: {NOWHERE}", natural)
     at_rest = natural
     if alignment.stance != REST:
         transforms = limbs_held(body, alignment.stance)
@@ -236,7 +231,7 @@ def _aligned(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Di
     settled = settle(at_rest.vertices, mesh.faces, natural.vertices, body)
     placed, diagnosis = diagnose(path, replace(mesh, vertices=settled.vertices), body, bound=True)
     if _is_bent(settled):
-        raise NowhereError(path, placed)
+        raise UnwearableError(f"{path}: {NOWHERE}", placed)
     return placed, replace(diagnosis, fitting=(alignment.text(), settled.text()))
 
 

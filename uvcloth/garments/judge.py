@@ -102,12 +102,12 @@ TURNS = {
 class UnwearableError(InputError):
     """A garment that does not lie as clothes do, with its mesh in the best placing.
 
-    anywhere: it would not, however it was placed.
+    anywhere: it would not, however it was placed. lies: it lies along the skin there, but is not held.
     """
 
-    def __init__(self, message: str, mesh: Mesh, anywhere: bool = False) -> None:
+    def __init__(self, message: str, mesh: Mesh, anywhere: bool = False, lies: bool = False) -> None:
         super().__init__(message)
-        self.mesh, self.anywhere = mesh, anywhere
+        self.mesh, self.anywhere, self.lies = mesh, anywhere, lies
 
 
 @dataclass(frozen=True)
@@ -237,8 +237,9 @@ def refuse_unworn(path: Path, mesh: Mesh, welded: Tensor, body: Body, surface: B
     measures = measure(mesh, welded, body, surface)
     reason, anywhere = _no_garment(measures, welded)
     reason = reason or _misplaced(measures, mesh, surface)
-    if reason:
-        raise UnwearableError(f"{path}: {reason}", mesh, anywhere)
+    loose = "" if reason else _loose(measures)
+    if reason or loose:
+        raise UnwearableError(f"{path}: {reason or loose}", mesh, anywhere, lies=bool(loose))
 
 
 def _no_garment(measures: Measures, welded: Tensor) -> tuple[str, bool]:
@@ -273,7 +274,7 @@ def _no_garment(measures: Measures, welded: Tensor) -> tuple[str, bool]:
 
 
 def _misplaced(measures: Measures, mesh: Mesh, surface: BodySurface) -> str:
-    """Description of how a garment lies wrongly, "" if it lies as clothes do."""
+    """Description of how a garment lies wrongly, "" if it lies along the skin."""
     if measures.around_head > LEAST_AROUND:
         return "the garment is over the head, expected one modelled on the body's rest pose"
     if measures.deep > MOST_DEEP or measures.along < LEAST_ALONG:
@@ -283,7 +284,7 @@ def _misplaced(measures: Measures, mesh: Mesh, surface: BodySurface) -> str:
             f"{100 * (1 - measures.along):.0f} % crosses the skin; expected one modelled on this "
             "body's rest pose"
         )
-    return _loose(measures)
+    return ""
 
 
 def _loose(measures: Measures) -> str:
