@@ -118,10 +118,10 @@ class Collider:
 
         faces: (M, 3) of the garment, by which a narrow skirt is known.
 
-        Cloth touches the parts that it lies next to, and a skirt both legs and the torso, over which it rides up.
-        In the armpit it touches arm and torso: contact opens them, so that cloth has room between. A forearm is
-        touched by its sleeve alone, which is at least twice as far from trunk and legs; a wide skirt next to a
-        hand does not touch it.
+        Cloth touches the parts that it lies next to, and a skirt both legs and the torso, over which it
+        rides up. In the armpit it touches arm and torso: contact opens them, so that cloth has room. A
+        forearm is touched by its sleeve alone, which is at least twice as far from trunk and legs; a wide
+        skirt next to a hand does not touch it.
         """
         vertices = self.vertices(body_vertices)
         distance = torch.stack([_nearest(points, vertices[part.unique()]) for part in self.parts])

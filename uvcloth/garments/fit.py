@@ -168,7 +168,10 @@ def _usual(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diag
         try:
             return _aligned(path, mesh, body, how)
         except UnwearableError as other:
-            raise other if other.lies else error from None
+            if not other.lies:
+                raise error from None
+            reason = str(other).removeprefix(f"{path}: ")
+            raise UnwearableError(f"{error}; aligned with it, {reason}", other.mesh) from None
     inside = usual[1].inside_share
     if inside > SOME_INSIDE:
         usual = _settled(path, *usual, body)
