@@ -14,6 +14,7 @@ garments also the distance in one step and in rollouts of 50 frames, finished (M
 import os
 import sys
 from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from evaluate.stability import stability_scores, uses_feedback
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
+from uvcloth.methods.capabilities import before_finish
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import load_method
 from uvcloth.process.command import run_command
@@ -63,7 +65,7 @@ class Papers:
         torch.set_num_threads(1)
         torch.set_grad_enabled(False)
         body = load_body()
-        methods = {name: load_method(name, body) for name in self.models}
+        methods = dict(variants(load_method(name, body) for name in self.models))
         print(f"load {os.getloadavg()[0]:.1f}; roots of {', '.join(SQUARED)}")
         for name in self.garments:
             garment = load_garment(name, body)
@@ -76,6 +78,15 @@ class Papers:
                         f"{name} {method_name} {', '.join(w.clip for w in windows)}: {line(method, cases)}",
                         flush=True,
                     )
+
+
+def variants(methods: Iterable[Method]) -> Iterator[tuple[str, Method]]:
+    """Yield methods by name, and each without the parts that only do what a finish does."""
+    for method in methods:
+        yield method.name, method
+        bare = before_finish(method)
+        if bare is not method:
+            yield f"{method.name} without physics", bare
 
 
 def line(method: Method, cases: list[Case]) -> str:
