@@ -87,17 +87,17 @@ class CageSequences:
             vertices = posed_skin(body, transforms)
             labels = {"split": entry.split, "subject": entry.subject, "action": entry.action}
             for garment, ready, path in zip(garments, prepared, paths, strict=True):
-                moved = torch.stack(list(simulated(ready, body, transforms, vertices)))
-                if not torch.isfinite(moved).all():
+                draped = torch.stack(list(simulated(ready, body, transforms, vertices)))
+                if not torch.isfinite(draped).all():
                     console.print(f"{path}: cloth flew apart, it is left out")
                     continue
-                save_simulated(self._clip(name, garment, body, moved, transforms).labelled(**labels), path)
-                frames += len(moved)
+                save_simulated(self._clip(name, garment, body, draped, transforms).labelled(**labels), path)
+                frames += len(draped)
             rate = frames / (time.process_time() - begun)
             console.print(f"{name}: {frames} frames, {rate:.0f} per CPU second")
 
     def _clip(
-        self, name: str, garment: Garment, body: Body, moved: Tensor, transforms: Tensor
+        self, name: str, garment: Garment, body: Body, draped: Tensor, transforms: Tensor
     ) -> SimulatedClip:
         """A garment (F, N, 3) m over a motion, as a sequence holds it; its run-up is the warm-up."""
         metadata = {
@@ -110,12 +110,12 @@ class CageSequences:
         }
         whole = SimulatedGarment(
             garment.name,
-            moved,
+            draped,
             garment.mesh.faces,
             garment.mesh.vertices,
             {"template": garment.template, "source": garment.source},
         )
-        return SimulatedClip((whole,), transforms, FPS, min(RUN_UP, len(moved) - 1), metadata)
+        return SimulatedClip((whole,), transforms, FPS, min(RUN_UP, len(draped) - 1), metadata)
 
 
 def simulated(
