@@ -1,0 +1,136 @@
+"""Sequences of garments over training motion, simulated on cages: more motion than fine cloth has time for.
+
+Run from the checkout as
+
+    python -m train.cage_sequences DATA --windows index.csv --clips-from mocap
+
+and train on DATA as on a folder of `uvcloth simulate`. Each motion is a clip of the index's split `train`, at
+first as it was captured, then varied (`train.recurrent.motions`); sequences that are there are kept.
+"""
+
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import torch
+import tyro
+from rich.console import Console
+from torch import Tensor
+
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.posing import posed_skin
+from uvcloth.commands.options import BodyFile
+from uvcloth.dataset.bodies import keep_body
+from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment
+from uvcloth.dataset.clip_file import save_simulated
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import make_folder
+from uvcloth.files.options import AtLeast
+from uvcloth.garments.cage import QUALITIES
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.loading import load_garment
+from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, dressed, make_caged_outfit, next_frame
+from uvcloth.process.command import run_command
+from uvcloth.simulate.run import RUN_UP
+
+from .recurrent.motions import FPS, Motions
+
+
+@dataclass(frozen=True)
+class CageSequences:
+    """Simulate garments on cages over training motion, each by itself, and write them as sequences."""
+
+    data: tyro.conf.Positional[Path]
+    """Folder of the sequences."""
+    windows: Path
+    """Index of the clips: its split `train`."""
+    clips_from: Path | None = None
+    """Folder of the clips, by default that of the index."""
+    garments: tuple[str, ...] = ("tops", "bottoms", "dress")
+    """Templates."""
+    quality: str = "default"
+    """Quality of the cages."""
+    motions: Annotated[int, AtLeast(1)] = 149
+    """Number of motions."""
+    most_frames: Annotated[int | None, AtLeast(2)] = None
+    """Frames of a motion that are simulated, None for all."""
+    first: Annotated[int, AtLeast(0)] = 0
+    """Number of the first motion."""
+    seed: int = 0
+    """Random seed of the motions."""
+    body: BodyFile = None
+    """Body, made by `uvcloth body`."""
+
+    def run(self) -> None:
+        """Make the sequences that are missing, and say how many frames a second of processor time makes."""
+        if self.quality not in QUALITIES:
+            raise InputError(f"--quality {self.quality}: expected one of {', '.join(QUALITIES)}")
+        make_folder(self.data)
+        body = load_body(self.body)
+        keep_body(body, self.data)
+        config = PhysicsConfig(self.quality)
+        garments = [load_garment(name, body) for name in self.garments]
+        prepared = [make_caged_outfit(Outfit(body, (garment,)), config) for garment in garments]
+        motions = Motions.of_split("train", self.windows, self.clips_from, body, self.seed)
+        console = Console(stderr=True)
+        begun, frames = time.process_time(), 0
+        for number in range(self.first, self.motions):
+            entry, again = motions.entry(number), number // len(motions.entries)
+            name = f"{entry.clip}_varied{again}" if again else entry.clip
+            paths = [self.data / f"{name}_{garment.name}.npz" for garment in garments]
+            if all(path.exists() for path in paths):
+                continue
+            transforms = motions.transforms(number)[: self.most_frames]
+            vertices = posed_skin(body, transforms)
+            labels = {"split": entry.split, "subject": entry.subject, "action": entry.action}
+            for garment, ready, path in zip(garments, prepared, paths, strict=True):
+                draped = torch.stack(list(simulated(ready, body, transforms, vertices)))
+                if not torch.isfinite(draped).all():
+                    console.print(f"{path}: cloth flew apart, it is left out")
+                    continue
+                save_simulated(self._clip(name, garment, body, draped, transforms).labelled(**labels), path)
+                frames += len(draped)
+            rate = frames / (time.process_time() - begun)
+            console.print(f"{name}: {frames} frames, {rate:.0f} per CPU second")
+
+    def _clip(
+        self, name: str, garment: Garment, body: Body, draped: Tensor, transforms: Tensor
+    ) -> SimulatedClip:
+        """A garment (F, N, 3) m over a motion, as a sequence holds it; its run-up is the warm-up."""
+        metadata = {
+            "clip": name,
+            "body": body.name,
+            "body_hash": body.identity.shape,
+            "seed": self.seed,
+            "engine": "cages",
+            "settings": {"quality": self.quality, "fabric": vars(garment.fabric)},
+        }
+        whole = SimulatedGarment(
+            garment.name,
+            draped,
+            garment.mesh.faces,
+            garment.mesh.vertices,
+            {"template": garment.template, "source": garment.source},
+        )
+        return SimulatedClip((whole,), transforms, FPS, min(RUN_UP, len(draped) - 1), metadata)
+
+
+def simulated(
+    prepared: CagedOutfit, body: Body, transforms: Tensor, body_vertices: Tensor
+) -> Iterator[Tensor]:
+    """Yield the garment (N, 3) m of each frame as its cage carries it, not cleared; it begins at rest."""
+    (garment,) = prepared.garments
+    state = dressed(prepared, body, transforms[0])
+    for transform, vertices in zip(transforms, body_vertices, strict=True):
+        targets = prepared.skinned_cages(transform)
+        state = next_frame(prepared, state, prepared.collider(vertices), targets, 0.0, FPS)
+        offsets = torch.from_numpy((state.cloth.vertices() - targets).astype("float32"))
+        (near,) = prepared.skinned(transform)
+        yield (near + garment.cage.at_garment(offsets))[garment.mesh.places]
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("train.cage_sequences", lambda: tyro.cli(CageSequences).run()))
