@@ -37,3 +37,12 @@ def body_motion(transforms: Tensor, heads: Tensor, fps: Tensor | float) -> Tenso
     ]
     whole = [-rotate_back(root[:, 0], up.expand_as(spin[:, 0])), rotate_back(root[:, 0], spin[:, 0])]
     return torch.cat([torch.cat(joints, dim=2).flatten(1), *whole], dim=1)
+
+
+def held_still(motion: Tensor) -> Tensor:
+    """Motion (B, C) of bodies that stand still in the poses of others, (B, C)."""
+    joints, whole = motion[:, :-OF_ROOT].unflatten(1, (-1, PER_JOINT)), motion[:, -OF_ROOT:]
+    down = whole[:, :3]
+    felt = (-GRAVITY * down)[:, None].expand(-1, joints.shape[1], -1)
+    each = torch.cat([joints[..., :6], torch.zeros_like(joints[..., :6]), felt], dim=2)
+    return torch.cat([each.flatten(1), down, torch.zeros_like(down)], dim=1)
