@@ -125,8 +125,7 @@ def with_dynamics(method: Method, factor: float) -> Method:
     able = method.capability(Swinging)
     if able is None:
         raise InputError(
-            f"--dynamics {factor:g}: model {method.name} has no motion of its own to scale, leave it out or "
-            "take a recurrent model"
+            f"--dynamics {factor:g}: model {method.name} cannot scale its motion, recurrent models can"
         )
     return able.with_dynamics(factor)
 
