@@ -41,8 +41,7 @@ def body_motion(transforms: Tensor, heads: Tensor, fps: Tensor | float) -> Tenso
 
 def held_still(motion: Tensor) -> Tensor:
     """Motion (B, C) of bodies that stand still in the poses of others, (B, C)."""
-    joints, whole = motion[:, :-OF_ROOT].unflatten(1, (-1, PER_JOINT)), motion[:, -OF_ROOT:]
-    down = whole[:, :3]
-    felt = (-GRAVITY * down)[:, None].expand(-1, joints.shape[1], -1)
-    each = torch.cat([joints[..., :6], torch.zeros_like(joints[..., :6]), felt], dim=2)
-    return torch.cat([each.flatten(1), down, torch.zeros_like(down)], dim=1)
+    joints, down = motion[:, :-OF_ROOT].split(PER_JOINT, dim=1), motion[:, -OF_ROOT:-3]
+    felt, none = -GRAVITY * down, torch.zeros_like(down)
+    each = [part for joint in joints for part in (joint[:, :6], none, none, felt)]
+    return torch.cat([*each, down, none], dim=1)
