@@ -211,6 +211,17 @@ def test_its_rig_played_by_skinning_is_the_rollout(
         torch.testing.assert_close(posed, expected[frame], atol=1e-4, rtol=0)
 
 
+def test_a_livelier_rig_has_room_for_weights_that_go_farther(method: Recurrent, outfit: Outfit) -> None:
+    """Weights beyond the known ones would be clamped in engines."""
+    calm, once, twice = (
+        method.with_dynamics(factor).as_rig(outfit.body, outfit.garments).known()
+        for factor in (0.5, 1.0, 2.0)
+    )
+    torch.testing.assert_close(calm, once)
+    spans = (each.amax(0) - each.amin(0) for each in (once, twice))
+    torch.testing.assert_close(2.0 * next(spans), next(spans))
+
+
 @pytest.mark.parametrize("dynamics", [1.0, 1.5])
 def test_onnx_plays_the_rig_with_its_memory(
     method: Recurrent, outfit: Outfit, stopping: Tensor, tmp_path: Path, dynamics: float
