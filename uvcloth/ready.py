@@ -11,6 +11,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.records import CPU
 from uvcloth.looped import looped
+from uvcloth.methods.capabilities import with_dynamics
 from uvcloth.methods.ensemble import Ensemble, in_order
 from uvcloth.methods.finish_names import FinishName
 from uvcloth.methods.method import Method, require_fabric_read
@@ -70,17 +71,24 @@ class ReadyRollout:
 
 
 def ready_method(
-    models: Sequence[str], outfit: Outfit, finish: FinishName | None, quality: str, fabrics: Sequence[str]
+    models: Sequence[str],
+    outfit: Outfit,
+    finish: FinishName | None,
+    quality: str,
+    fabrics: Sequence[str],
+    dynamics: float | None = None,
 ) -> tuple[Method, bool]:
     """Load the method that models make in order with its finish, and tell whether clearing comes after it.
 
     finish: as `finished` has it. quality: of the solver, a key of QUALITIES. fabrics: by name, those that
-    were asked for. Raises InputError as `load_method` and `finished` do, and for a fabric that the method
-    does not read.
+    were asked for. dynamics: factor that was asked for, before the finish. Raises InputError as
+    `load_method`, `with_dynamics` and `finished` do, and for a fabric that the method does not read.
     """
     solver = Physics(PhysicsConfig(quality))
     loaded = [load_method(model, outfit.body) for model in models]
     method = in_order([solver if isinstance(each, Physics) else each for each in loaded])
+    if dynamics is not None:
+        method = with_dynamics(method, dynamics)
     method, clear = finished(method, outfit, finish, solver)
     for fabric in fabrics:
         require_fabric_read(method, fabric)

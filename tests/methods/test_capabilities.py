@@ -20,10 +20,12 @@ from uvcloth.methods.capabilities import (
     FinishAware,
     Representation,
     Riggable,
+    Swinging,
     before_finish,
     feed_back,
     garment_space,
     round_trip,
+    with_dynamics,
 )
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.method import Method, Traits
@@ -68,7 +70,7 @@ class Raised:
 
 
 @dataclass(frozen=True)
-class Able(Bare, Feedback, FinishAware, Riggable, Representation):
+class Able(Bare, Feedback, FinishAware, Riggable, Swinging, Representation):
     """Every capability; its maps show everything at a height that is a multiple of 10 cm."""
 
     name: str = "able"
@@ -82,6 +84,9 @@ class Able(Bare, Feedback, FinishAware, Riggable, Representation):
 
     def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> Any:
         return RIG
+
+    def with_dynamics(self, factor: float) -> Method:
+        return Able(f"{factor:g} times as lively")
 
     def round_trip(self, prepared: Any, frames: BodyFrames, garments: Any) -> Any:
         return tuple((10 * vertices).round() / 10 for vertices in garments)
@@ -171,6 +176,15 @@ def test_a_body_that_is_no_adult_gets_no_rig_of_a_rig_and_other_methods_are_none
     assert load_method("physxnet", body).name == "physxnet"
     assert isinstance(load_method("physxnet", body), Resized)
     assert load_method("physxnet", body).capability(Riggable) is None
+
+
+def test_dynamics_are_scaled_inside_a_wrapper_and_refused_by_name() -> None:
+    able, lively = Able(), Able("2 times as lively")
+    assert with_dynamics(Resized(able, 2.0, "twice"), 2.0) == Resized(lively, 2.0, "twice")
+    assert with_dynamics(Ensemble.of((able, able)), 2.0) == Ensemble((lively, lively), "able+able")
+    for method in (Bare(), Ensemble.of((able, Bare()))):
+        with pytest.raises(InputError, match="--dynamics 2: model bare cannot scale its motion"):
+            with_dynamics(method, 2.0)
 
 
 def test_the_method_of_the_contributing_page_runs() -> None:

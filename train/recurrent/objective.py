@@ -18,6 +18,9 @@ from uvcloth.methods.recurrent.network import RecurrentConfig, RecurrentNetwork,
 from ..loop import Objective, training_device
 from .windows import Fitted, GarmentRuns, Windows
 
+SLOW = 1.0
+"""Speed, mm per frame, that errors of the speed are a share of where cloth is slower."""
+
 MARGIN = 0.004
 """Metres off the skin where cloth is not pushed away any more: faces are flat, the body is round."""
 
@@ -32,6 +35,9 @@ class RecurrentLosses:
     """First frames of a window, in which the hidden state comes to know the motion."""
     change: Annotated[float, Between(0, 1e9)] = 2.0
     """Error of the change since the last frame, beside that of the shape."""
+    speed: Annotated[float, Between(0, 1e9)] = 0.0
+    """Error of how fast cloth moves, whichever way, as a share of its speed: without it cloth stands still
+    after a slow stop, where nobody knows which way it swings."""
     skin: Annotated[float, Between(0, 1e9)] = 10.0
     """Depth of the cloth in a layer of 4 mm on the skin, of which a rig has no other cure."""
     noise: Annotated[float, Between(0, 10)] = 0.05
@@ -109,12 +115,16 @@ class RecurrentObjective(Objective):
             some = runs.draw(places.to(self.device))
             inputs = some.inputs + self.losses.noise * torch.randn_like(some.inputs)
             weights = networks["net"](name, inputs, some.conditions)
-            wrong = weights - some.weights
-            wrong = 1000.0 * self._units[name] * wrong[:, self.losses.unscored :]
+            scored = slice(self.losses.unscored, None)
+            predicted, truth = (
+                1000.0 * self._units[name] * each[:, scored] for each in (weights, some.weights)
+            )
+            wrong = predicted - truth
             parts[f"{name}_shape"] = _length(wrong)
             parts[f"{name}_change"] = self.losses.change * _length(wrong.diff(dim=1))
+            if self.losses.speed > 0:
+                parts[f"{name}_speed"] = self.losses.speed * speed_error(predicted, truth)
             if self.losses.skin > 0:
-                scored = slice(self.losses.unscored, None)
                 inside = runs.fitted.inside(weights[:, scored].float(), some.skin[:, scored], MARGIN)
                 parts[f"{name}_skin"] = 1000.0 * self.losses.skin * inside.mean()
         yield "net", torch.stack(list(parts.values())).sum(), parts
@@ -181,6 +191,12 @@ class RecurrentObjective(Objective):
             clips["train"] |= runs.clips(held_out=False)
             clips["validation"] |= runs.clips(held_out=True)
         return TrainingData(clips=clips)
+
+
+def speed_error(predicted: Tensor, truth: Tensor) -> Tensor:
+    """Mean relative error of the speed of weights (B, T, K), mm; below SLOW it is the share of that."""
+    ours, true = (each.diff(dim=1).square().sum(-1).add(1e-2).sqrt() for each in (predicted, truth))
+    return ((ours - true).abs() / true.clamp(min=SLOW)).mean()
 
 
 def _length(values: Tensor) -> Tensor:

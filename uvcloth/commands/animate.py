@@ -66,7 +66,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     with console.status("preparing"):
         outfit = load_worn(command, body, report, command.template)
         place = find_device(command.device)
-        method, clear, choice = load_wanted_method(command, outfit, command.finish)
+        method, clear, choice = load_wanted_method(command, outfit, command.finish, command.dynamics)
         ready = ready_rollout(
             method, outfit, load_clip(command.motion, body, command.options), clear, loop=command.loop
         )

@@ -11,6 +11,7 @@ from uvcloth.commands.options import (
     ONNX,
     TRAINED,
     BodyFile,
+    Dynamics,
     Fabric,
     FromBody,
     GarmentPose,
@@ -35,6 +36,7 @@ class Export:
     from_body: FromBody = None
     fabric: Fabric = None
     """Fabric of the garments, for DeePSD models."""
+    dynamics: Dynamics = None
     motion: Annotated[
         str | None,
         arg(

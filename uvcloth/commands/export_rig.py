@@ -20,7 +20,7 @@ from uvcloth.export.writer import require_own_names
 from uvcloth.files.atomic import atomic_files
 from uvcloth.garments.fit import Fitting
 from uvcloth.garments.loading import load_outfit
-from uvcloth.methods.capabilities import Riggable
+from uvcloth.methods.capabilities import Riggable, with_dynamics
 from uvcloth.methods.method import Method, require_fabric_read
 from uvcloth.methods.recurrent.rig import RecurrentRig
 from uvcloth.methods.registry import load_method
@@ -76,6 +76,8 @@ def export(command: Export) -> Exported:
     body = load_body(command.body)
     method = load_method(command.model, body)
     require_fabric_read(method, fabric)
+    if command.dynamics is not None:
+        method = with_dynamics(method, command.dynamics)
     console = Console(stderr=True)
     with console.status("preparing"):
         report = partial(console.print, highlight=False, markup=False, soft_wrap=True)

@@ -101,6 +101,16 @@ Fabric = Annotated[FabricName | None, arg(metavar=FABRIC_NAMES, help_behavior_hi
 Fabrics = Annotated[
     tuple[FabricName, ...], arg(metavar=f"{FABRIC_NAMES} ...", help_behavior_hint="(default: jersey)")
 ]
+Dynamics = Annotated[
+    float | None,
+    arg(
+        metavar="K",
+        help="Factor, 0 to 2, of what a recurrent model does because of motion: 0 shows the garments as they "
+        "come to rest in each pose, 2 swings twice as far. The dynamic finish adds its own motion.",
+        help_behavior_hint="(default: 1)",
+    ),
+    Between(0, 2),
+]
 BodyFile = Annotated[
     Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)"), NPZ
 ]

@@ -14,6 +14,7 @@ from uvcloth.commands.options import (
     MOTION,
     TEMPLATE_NAMES,
     BodyFile,
+    Dynamics,
     Fabrics,
     FromBody,
     GarmentPose,
@@ -92,6 +93,7 @@ class Rollout:
     from_body: FromBody = None
     fabric: Fabrics = ()
     """Fabric of the garments, for the cloth solver and DeePSD models: one for all, or one for each."""
+    dynamics: Dynamics = None
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     loop: bool = False

@@ -29,8 +29,14 @@ def load_worn(
 
 
 def load_wanted_method(
-    command: Rollout | TryOn, outfit: Outfit, finish: FinishName | None = None
+    command: Rollout | TryOn,
+    outfit: Outfit,
+    finish: FinishName | None = None,
+    dynamics: float | None = None,
 ) -> tuple[Method, bool, str | None]:
-    """The method of a command with its finish, whether clearing comes after it, and a line on its choice."""
+    """The method of a command with its finish, whether clearing comes after it, and a line on its choice.
+
+    dynamics: as `ready_method` has it.
+    """
     models, line = named_models(command.model or (AUTO,), outfit)
-    return *ready_method(models, outfit, finish, command.quality, command.fabric), line
+    return *ready_method(models, outfit, finish, command.quality, command.fabric, dynamics), line

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.methods.method import Method
 from uvcloth.methods.rig import BlendRig
@@ -45,6 +46,14 @@ class Riggable(ABC):
         """
 
 
+class Swinging(ABC):
+    """Motion of garments beyond what the pose asks for, as a part that can be scaled."""
+
+    @abstractmethod
+    def with_dynamics(self, factor: float) -> Method:
+        """The method with that part times a factor: 0 shows garments as they rest in each pose."""
+
+
 class Representation(ABC):
     """A representation, such as maps or codes, that cannot show every garment."""
 
@@ -61,7 +70,7 @@ class Representation(ABC):
         return None
 
 
-CAPABILITIES: tuple[type, ...] = (Feedback, FinishAware, Riggable, Representation)
+CAPABILITIES: tuple[type, ...] = (Feedback, FinishAware, Riggable, Swinging, Representation)
 """Every capability: a wrapper is tested for each."""
 
 
@@ -109,6 +118,16 @@ def before_finish(method: Method) -> Method:
     """Any method without the parts that only do what a finish does; the very method if it has none."""
     able = method.capability(FinishAware)
     return able.before_finish() if able else method
+
+
+def with_dynamics(method: Method, factor: float) -> Method:
+    """Any method with its dynamics scaled, see `Swinging`. Raises InputError for one that cannot."""
+    able = method.capability(Swinging)
+    if able is None:
+        raise InputError(
+            f"--dynamics {factor:g}: model {method.name} cannot scale its motion, recurrent models can"
+        )
+    return able.with_dynamics(factor)
 
 
 def round_trip(

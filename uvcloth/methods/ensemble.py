@@ -15,17 +15,19 @@ from uvcloth.methods.capabilities import (
     FinishAware,
     GarmentSpace,
     Representation,
+    Swinging,
     Wrapper,
     before_finish,
     feed_back,
     garment_space,
     round_trip,
+    with_dynamics,
 )
 from uvcloth.methods.method import Method, Traits, require_supported
 
 
 @dataclass(frozen=True)
-class Ensemble(Wrapper, Feedback, FinishAware, Representation):
+class Ensemble(Wrapper, Feedback, FinishAware, Swinging, Representation):
     """Methods in order: the prediction of each lies beneath the garment of the next (Motion-guided, 6.5)."""
 
     methods: tuple[Method, ...]
@@ -64,6 +66,10 @@ class Ensemble(Wrapper, Feedback, FinishAware, Representation):
         methods = tuple(map(before_finish, self.methods))
         changed = any(after is not before for after, before in zip(methods, self.methods, strict=True))
         return replace(self, methods=methods) if changed else self
+
+    def with_dynamics(self, factor: float) -> "Ensemble":
+        """Each with its dynamics scaled. Raises InputError for the first that cannot."""
+        return replace(self, methods=tuple(with_dynamics(method, factor) for method in self.methods))
 
     def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, ...]:
         """Prepare each for its garment. Raises InputError for an outfit that is not supported."""

@@ -17,17 +17,19 @@ from uvcloth.methods.capabilities import (
     GarmentSpace,
     Representation,
     Riggable,
+    Swinging,
     Wrapper,
     before_finish,
     feed_back,
     garment_space,
     round_trip,
+    with_dynamics,
 )
 from uvcloth.methods.method import Method, Traits
 
 
 @dataclass(frozen=True)
-class Resized(Wrapper, Feedback, FinishAware, Riggable, Representation):
+class Resized(Wrapper, Feedback, FinishAware, Riggable, Swinging, Representation):
     """A method whose input, the body, its motion and its garments, is scaled by `factor`."""
 
     method: Method
@@ -52,6 +54,10 @@ class Resized(Wrapper, Feedback, FinishAware, Riggable, Representation):
         """The method where a finish follows; the very same where that changes nothing."""
         method = before_finish(self.method)
         return self if method is self.method else replace(self, method=method)
+
+    def with_dynamics(self, factor: float) -> "Resized":
+        """The method with its dynamics scaled."""
+        return replace(self, method=with_dynamics(self.method, factor))
 
     def prepare(self, outfit: Outfit, device: torch.device) -> Any:
         """Prepare the method for the outfit at its size."""

@@ -18,7 +18,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.recurrent.body_motion import body_motion
+from uvcloth.methods.recurrent.body_motion import body_motion, held_still
 from uvcloth.methods.recurrent.method import Recurrent, load_recurrent, recurrent_checkpoint
 from uvcloth.methods.recurrent.network import (
     TICK,
@@ -135,6 +135,45 @@ def test_garments_move_on_after_a_stop_by_their_memory_alone(
         assert (float(after.diff(dim=0).abs().max()) > 1e-6) == moves
 
 
+def test_a_body_held_still_is_one_that_stands_in_the_pose_of_a_motion(
+    outfit: Outfit, stopping: Tensor
+) -> None:
+    heads = outfit.body.skeleton.heads
+    moving = body_motion(stopping.unfold(0, 3, 1).movedim(-1, 1), heads, FPS)
+    standing = body_motion(stopping[2:, None].expand(-1, 3, -1, -1, -1), heads, FPS)
+    torch.testing.assert_close(held_still(moving), standing, atol=1e-3, rtol=0)
+    assert float((moving - standing).abs().max()) > 1.0
+
+
+def test_dynamics_scale_what_motion_adds_to_the_rest_in_each_pose(
+    method: Recurrent, outfit: Outfit, stopping: Tensor
+) -> None:
+    """What is left without dynamics is what the network tends to on a body that stands in the pose."""
+    heads = outfit.body.skeleton.heads
+    none, once, twice = (
+        torch.cat(garments_of(method.with_dynamics(factor), outfit, stopping), 1)
+        for factor in (0.0, 1.0, 2.0)
+    )
+    skinned = method.as_rig(outfit.body, outfit.garments)
+    motion = body_motion(stopping[:, None].expand(-1, 3, -1, -1, -1), heads, FPS)
+    with torch.no_grad():
+        settled = torch.cat(
+            [
+                each.network.step(each.network.normalized(motion), hidden, 1.0)[0]
+                for each in skinned.networks
+                for hidden in [each.at_rest(motion)]
+            ],
+            dim=1,
+        )
+    for frame in (0, 6, 12, 30):
+        points = skinned.rest + torch.tensordot(settled[frame], skinned.shapes, 1)
+        posed = skin(points, skinned.weights, stopping[frame][None])[0]
+        torch.testing.assert_close(none[frame], posed, atol=1e-3, rtol=0)
+    assert float((once - none).norm(dim=-1).max()) > 0.005
+    torch.testing.assert_close(twice - none, 2.0 * (once - none), atol=1e-4, rtol=0)
+    torch.testing.assert_close(once, torch.cat(list(garments_of(method, outfit, stopping)), 1))
+
+
 def test_a_saved_model_moves_the_same(
     method: Recurrent, outfit: Outfit, stopping: Tensor, tmp_path: Path
 ) -> None:
@@ -172,12 +211,24 @@ def test_its_rig_played_by_skinning_is_the_rollout(
         torch.testing.assert_close(posed, expected[frame], atol=1e-4, rtol=0)
 
 
+def test_a_livelier_rig_has_room_for_weights_that_go_farther(method: Recurrent, outfit: Outfit) -> None:
+    """Weights beyond the known ones would be clamped in engines."""
+    calm, once, twice = (
+        method.with_dynamics(factor).as_rig(outfit.body, outfit.garments).known()
+        for factor in (0.5, 1.0, 2.0)
+    )
+    torch.testing.assert_close(calm, once)
+    spans = (each.amax(0) - each.amin(0) for each in (once, twice))
+    torch.testing.assert_close(2.0 * next(spans), next(spans))
+
+
+@pytest.mark.parametrize("dynamics", [1.0, 1.5])
 def test_onnx_plays_the_rig_with_its_memory(
-    method: Recurrent, outfit: Outfit, stopping: Tensor, tmp_path: Path
+    method: Recurrent, outfit: Outfit, stopping: Tensor, tmp_path: Path, dynamics: float
 ) -> None:
     pytest.importorskip("onnx")
     onnxruntime = pytest.importorskip("onnxruntime")
-    rig = method.as_rig(outfit.body, outfit.garments)
+    rig = method.with_dynamics(dynamics).as_rig(outfit.body, outfit.garments)
     rigged = rig_of(rig, outfit.body)
     write_recurrent(rig, rigged, tmp_path / "rig.onnx")
     session = onnxruntime.InferenceSession(tmp_path / "rig.onnx")

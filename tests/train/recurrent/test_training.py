@@ -16,7 +16,7 @@ from train.recurrent.cage_runs import (
     save_run,
     simulate_cage,
 )
-from train.recurrent.objective import RecurrentObjective
+from train.recurrent.objective import SLOW, RecurrentObjective, speed_error
 from train.recurrent.run import LOOPS, LOSSES, RecurrentRun
 from train.recurrent.windows import Fitted
 from train.state import STATE
@@ -127,6 +127,27 @@ def test_cloth_that_is_pushed_into_the_skin_is_inside_by_as_much(
         slope = run.skin[5, near, :3].square().sum(-1)
         torch.testing.assert_close(inside, (depth * slope - gap).clamp(min=0.0), atol=1e-5, rtol=0)
     assert float(inside.max()) > 0.02
+
+
+def test_the_error_of_the_speed_knows_no_direction_and_is_large_where_cloth_freezes() -> None:
+    swing = 8.0 * torch.sin(torch.arange(40.0) / 5.0)[None, :, None] * torch.ones(3)
+    assert float(speed_error(-swing, swing)) < 1e-6
+    still, half = (float(speed_error(share * swing, swing)) for share in (0.0, 0.5))
+    assert half == pytest.approx(0.5 * still, rel=0.1)
+    assert 0.7 < still < 1.0
+    slow = 0.01 * SLOW * swing / 8.0
+    assert float(speed_error(0.0 * slow, slow)) < 0.01
+
+
+def test_the_error_of_the_speed_is_a_loss_only_where_it_is_asked_for(
+    data: Path, body: Body, objective: RecurrentObjective
+) -> None:
+    networks, rows = objective.networks(), torch.tensor([0, 1])
+    losses = replace(LOSSES["tiny"], speed=3.0)
+    asked = RecurrentObjective(NETWORK, losses, [data], body)
+    parts = [next(each.steps(networks, rows))[2] for each in (objective, asked)]
+    assert "skirt_speed" not in parts[0]
+    assert float(parts[1]["skirt_speed"].detach()) > 0.0
 
 
 def test_training_goes_on_from_a_model(data: Path, body: Body, tmp_path: Path) -> None:

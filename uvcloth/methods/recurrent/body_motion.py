@@ -37,3 +37,11 @@ def body_motion(transforms: Tensor, heads: Tensor, fps: Tensor | float) -> Tenso
     ]
     whole = [-rotate_back(root[:, 0], up.expand_as(spin[:, 0])), rotate_back(root[:, 0], spin[:, 0])]
     return torch.cat([torch.cat(joints, dim=2).flatten(1), *whole], dim=1)
+
+
+def held_still(motion: Tensor) -> Tensor:
+    """Motion (B, C) of bodies that stand still in the poses of others, (B, C)."""
+    joints, down = motion[:, :-OF_ROOT].split(PER_JOINT, dim=1), motion[:, -OF_ROOT:-3]
+    felt, none = -GRAVITY * down, torch.zeros_like(down)
+    each = [part for joint in joints for part in (joint[:, :6], none, none, felt)]
+    return torch.cat([*each, down, none], dim=1)

@@ -30,7 +30,7 @@ from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.records import CPU
 from uvcloth.geometry.skinning import skin_each
-from uvcloth.methods.capabilities import Riggable
+from uvcloth.methods.capabilities import Riggable, Swinging
 from uvcloth.methods.method import Method, MethodEntry, Traits, for_inference, require_supported
 from uvcloth.methods.recurrent.body_motion import OF_ROOT, PER_JOINT, body_motion
 from uvcloth.methods.recurrent.condition import condition
@@ -41,6 +41,7 @@ from uvcloth.methods.recurrent.network import (
     RecurrentNetworks,
 )
 from uvcloth.methods.recurrent.rig import RecurrentRig
+from uvcloth.methods.recurrent.scaled import ScaledNetwork
 
 
 @dataclass(frozen=True)
@@ -51,15 +52,15 @@ class RecurrentGarment:
     weights: (N, J) blend weights. heads: (J, 3) m of the skeleton.
     """
 
-    network: RecurrentNetwork
+    network: ScaledNetwork
     rest: Tensor
     shapes: Tensor
     weights: Tensor
     heads: Tensor
 
-    def inputs(self, transforms: Tensor, fps: float) -> Tensor:
-        """Input (B, C) of the network on joints (B, 3, J, 3, 4)."""
-        return self.network.normalized(body_motion(transforms, self.heads, fps))
+    def motion(self, frames: BodyFrames) -> Tensor:
+        """Motion (B, C) of bodies, as the network sees it."""
+        return body_motion(frames.transforms, self.heads, frames.fps)
 
     def posed(self, weights: Tensor, transforms: Tensor) -> Tensor:
         """Garment (B, N, 3) m of weights (B, K) of its shapes, on joints (B, J, 3, 4)."""
@@ -68,12 +69,16 @@ class RecurrentGarment:
 
 
 @dataclass(frozen=True)
-class Recurrent(Method, Riggable):
-    """A recurrent network for each of some templates, on any body of the skeleton that it was trained on."""
+class Recurrent(Method, Riggable, Swinging):
+    """A recurrent network for each of some templates, on any body of the skeleton that it was trained on.
+
+    dynamics: factor of what is due to motion, see ScaledNetwork.
+    """
 
     config: RecurrentConfig
     networks: RecurrentNetworks
     name: str = "recurrent"
+    dynamics: float = 1.0
 
     @property
     def traits(self) -> Traits:
@@ -101,22 +106,24 @@ class Recurrent(Method, Riggable):
 
     @torch.no_grad()
     def init(self, prepared: tuple[RecurrentGarment, ...], frames: BodyFrames) -> tuple[Tensor, ...]:
-        """Hidden states (B, H) of garments on bodies that have stood still as in the frames."""
-        still = frames.transforms[:, -1:].expand_as(frames.transforms)
-        return tuple(each.network.at_rest(each.inputs(still, frames.fps)) for each in prepared)
+        """Memories (B, M) of garments on bodies that have stood still as in the frames."""
+        return tuple(each.network.at_rest(each.motion(frames)) for each in prepared)
 
     @torch.no_grad()
     def step(
         self, prepared: tuple[RecurrentGarment, ...], state: tuple[Tensor, ...], frames: BodyFrames
     ) -> tuple[tuple[Tensor, ...], tuple[Tensor, ...]]:
-        """Hidden states (B, H) and garments (B, N, 3) m of the next frame of B rollouts."""
+        """Memories (B, M) and garments (B, N, 3) m of the next frame of B rollouts."""
         following, garments = [], []
         for each, before in zip(prepared, state, strict=True):
-            inputs = each.inputs(frames.transforms, frames.fps)
-            weights, hidden = each.network.step(inputs, before, 1.0 / (frames.fps * TICK))
+            weights, hidden = each.network.step(each.motion(frames), before, 1.0 / (frames.fps * TICK))
             following.append(hidden)
             garments.append(each.posed(weights, frames.transforms[:, -1]))
         return tuple(following), tuple(garments)
+
+    def with_dynamics(self, factor: float) -> "Recurrent":
+        """The method with another factor."""
+        return replace(self, dynamics=factor)
 
     @torch.no_grad()
     def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> RecurrentRig:
@@ -145,7 +152,7 @@ class Recurrent(Method, Riggable):
             gather(values, network.corners, network.shares).mT for values in (network.mean, network.shapes)
         )
         return RecurrentGarment(
-            network=network,
+            network=ScaledNetwork(network, self.dynamics),
             rest=garment.mesh.vertices.to(device).T + mean,
             shapes=shapes.flatten(1),
             weights=garment.smooth_weights.to(device),

@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from uvcloth.methods.recurrent.body_motion import body_motion
-from uvcloth.methods.recurrent.network import TICK, RecurrentNetwork
+from uvcloth.methods.recurrent.network import TICK
+from uvcloth.methods.recurrent.scaled import ScaledNetwork
 from uvcloth.methods.rig import BlendRig
 
 
@@ -17,20 +18,26 @@ class RecurrentRig(BlendRig):
     networks: of the garments. heads: (J, 3) m, joints at rest.
     """
 
-    networks: tuple[RecurrentNetwork, ...]
+    networks: tuple[ScaledNetwork, ...]
     heads: Tensor
 
     @property
     def memory(self) -> int:
         """Numbers that are remembered, those of one network after those of another."""
-        return sum(network.unit.hidden_size for network in self.networks)
+        return sum(each.memory for each in self.networks)
 
     def known(self) -> Tensor:
-        """Weights (M, K) of the training in which each was the least or the greatest."""
-        most = max(len(network.extremes) for network in self.networks)
-        return torch.cat(
-            [network.extremes[torch.arange(most) % len(network.extremes)] for network in self.networks], 1
-        )
+        """Weights (M, K) of the training in which each was the least or the greatest.
+
+        Where dynamics are larger, they are as much farther from their mean.
+        """
+        most = max(len(each.network.extremes) for each in self.networks)
+        rows = []
+        for each in self.networks:
+            extremes = each.network.extremes
+            spread = torch.lerp(extremes.mean(0), extremes, max(1.0, each.dynamics))
+            rows.append(spread[torch.arange(most) % len(spread)])
+        return torch.cat(rows, dim=1)
 
     def step(self, joints: Tensor, hidden: Tensor, seconds: Tensor | float) -> tuple[Tensor, Tensor]:
         """One frame of B rollouts: weights (B, K) and the next memory (B, H).
@@ -39,10 +46,10 @@ class RecurrentRig(BlendRig):
         seconds: since the last frame.
         """
         motion = body_motion(joints, self.heads, 1.0 / seconds)
-        sizes = [network.unit.hidden_size for network in self.networks]
+        sizes = [each.memory for each in self.networks]
         steps = [
-            network.step(network.normalized(motion), some, seconds / TICK)
-            for network, some in zip(self.networks, hidden.split(sizes, dim=1), strict=True)
+            each.step(motion, some, seconds / TICK)
+            for each, some in zip(self.networks, hidden.split(sizes, dim=1), strict=True)
         ]
         return torch.cat([weights for weights, _ in steps], 1), torch.cat([after for _, after in steps], 1)
 
@@ -51,8 +58,8 @@ class RecurrentRig(BlendRig):
         if not len(transforms):
             return transforms.new_zeros(0, len(self.shapes))
         joints = torch.cat([transforms[:1].expand(2, -1, -1, -1), transforms]).unfold(0, 3, 1).movedim(-1, 1)
-        still = body_motion(transforms[:1, None].expand(-1, 3, -1, -1, -1), self.heads, fps)
-        hidden = torch.cat([each.at_rest(each.normalized(still)) for each in self.networks], dim=1)
+        first = body_motion(joints[:1], self.heads, fps)
+        hidden = torch.cat([each.at_rest(first) for each in self.networks], dim=1)
         played = []
         for frame in joints.split(1):
             weights, hidden = self.step(frame, hidden, 1.0 / fps)
