@@ -143,8 +143,8 @@ class Collider:
         distance: (parts, N) m of the points from the parts.
         """
         torso = self.parts[TORSO_PART]
-        on_body = (torso < len(body_vertices)).all(1)
-        crotch = body_vertices[torso[on_body], 2].amin()
+        heights = body_vertices[torso[(torso < len(body_vertices)).all(1)], 2].flatten()
+        crotch = heights.amin() if len(heights) else -math.inf
         edges = unique_edges(faces)
         edges = edges[(points[edges, 2] < crotch - BELOW_CROTCH).all(1)]
         groups = edge_groups(edges, len(points)).repeat_interleave(2)
