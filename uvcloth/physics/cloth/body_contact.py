@@ -272,9 +272,9 @@ def resolve_contacts(
         approach = dot(slip, normal)
         along = sub(slip, scale(approach, normal))
         stopped = max(-approach, ZERO)
-        # The approach of the body in this substep is undone at any speed.
+        # The approach of body and cloth in this substep is undone at any speed: a tight skirt would sink in.
         depth = -gap
-        pushed = depth if depth < SHALLOW else min(depth, (PUSH_SPEED + length(surface)) * step)
+        pushed = depth if depth < SHALLOW else min(depth, (PUSH_SPEED + length(surface) + stopped) * step)
         store(positions, vertex, combine(ONE, point, pushed, normal))
         speed, friction = length(along), frictions[vertex]
         kept = ONE - friction * stopped / speed if speed > friction * stopped else ZERO
