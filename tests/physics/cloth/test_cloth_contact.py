@@ -129,6 +129,22 @@ def test_a_ball_at_10_metres_a_second_takes_a_sheet_along(below: float) -> None:
     assert stretched(states, rest, faces) < 1.2 * 1.78
 
 
+def test_rods_that_spread_in_a_tight_tube_stretch_it_and_do_not_leave_it() -> None:
+    """As legs in a narrow skirt: once contact was weaker than the cloth's tension, and they went through."""
+    column = trimesh.creation.cylinder(0.1, 0.15, sections=16).subdivide()
+    column.update_faces(abs(column.face_normals[:, 2]) < 0.5)
+    column.remove_unreferenced_vertices()
+    rest, faces = torch.tensor(column.vertices).float(), torch.tensor(column.faces)
+    rods = [trimesh.creation.cylinder(0.04, 0.5, sections=32).subdivide_to_size(0.05) for _ in range(2)]
+    made = solver(rest, faces, things=rods)
+    way = torch.linspace(0.045, 0.245, 8)[:, None] * torch.tensor([1.0, 0.0, 0.0])
+    targets = rest.expand(len(way), -1, -1).numpy()
+    *_, end = frames(made, start(made, rest.numpy()), targets, moving(rods, [way, -way]), FPS)
+    for axis in (way[-1], -way[-1]):
+        away = np.linalg.norm(end.vertices()[:, :2] - axis[:2].numpy(), axis=1)
+        assert 0.04 < away.min() < 0.04 + 2 * RADIUS
+
+
 def stretched(states: Sequence[State], rest: Tensor, faces: Tensor) -> float:
     """The longest edge over its length at rest."""
     edges = unique_edges(faces)
