@@ -32,7 +32,14 @@ from uvcloth.files.options import AtLeast
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_garment
-from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, dressed, make_caged_outfit, next_frame
+from uvcloth.methods.physics.outfit import (
+    CagedOutfit,
+    PhysicsConfig,
+    dressed,
+    followed,
+    make_caged_outfit,
+    next_frame,
+)
 from uvcloth.process.command import run_command
 from uvcloth.simulate.run import RUN_UP
 
@@ -127,9 +134,8 @@ def simulated(
     for transform, vertices in zip(transforms, body_vertices, strict=True):
         targets = prepared.skinned_cages(transform)
         state = next_frame(prepared, state, prepared.collider(vertices), targets, 0.0, FPS)
-        offsets = torch.from_numpy((state.cloth.vertices() - targets).astype("float32"))
-        (near,) = prepared.skinned(transform)
-        yield (near + garment.cage.at_garment(offsets))[garment.mesh.places]
+        (points,) = followed(prepared, state, targets, prepared.skinned(transform))
+        yield points[garment.mesh.places]
 
 
 if __name__ == "__main__":

@@ -398,6 +398,7 @@ class EdgeLimits:
 
         now: (E,) m of each garment (N, 3) m, as `measured` gives them.
         """
+        from uvcloth.physics.surface import Shell
         from uvcloth.physics.visibility import Onlooker
 
         middles = []
@@ -411,4 +412,4 @@ class EdgeLimits:
         if not len(points):
             return False
         meshes = zip([body_vertices, *garments], self._faces, strict=True)
-        return bool(Onlooker(list(meshes)).sees(points).any())
+        return bool(Onlooker([Shell(*mesh) for mesh in meshes]).sees(points).any())

@@ -9,6 +9,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.physics.cloth_exposure import ClothExposure
 from uvcloth.physics.pressing import BENEATH, Pressing
+from uvcloth.physics.surface import Shell
 from uvcloth.physics.visibility import Onlooker
 
 SMALL, LARGE = 1.5, 1.51
@@ -66,6 +67,6 @@ def test_points_that_come_through_are_pressed_beneath_and_no_others_move(body: B
 
 def test_an_onlooker_sees_the_outer_side_and_not_what_is_inside() -> None:
     mesh = ball(0.5)
-    onlooker = Onlooker([(mesh.vertices, mesh.faces)])
+    onlooker = Onlooker([Shell(mesh.vertices, mesh.faces)])
     points = torch.tensor([[0.51, 0.0, 0.0], [0.0, 0.0, 0.51], [0.3, 0.0, 0.0]])
     assert onlooker.sees(points).tolist() == [True, True, False]

@@ -105,7 +105,7 @@ class Exposure:
         everywhere = spread(body.mesh.vertices, body.mesh.faces, count)
         covered = _covered(self._cloth, self._body, everywhere, body.mesh.vertices)
         self.covered = everywhere.subset(covered)
-        self._onlooker = Onlooker([(mesh.vertices, mesh.faces) for mesh in (*garments, body.mesh)])
+        self._onlooker = Onlooker((self._cloth, self._body))
 
     def shown(self, garments: Sequence[Tensor], body_vertices: Tensor) -> ShownSkin:
         """Covered points of a posed body (V, 3) m that show through garments (N, 3) m."""
@@ -126,7 +126,6 @@ class Exposure:
         shows = torch.zeros(len(self.covered.corners), dtype=torch.bool, device=body_vertices.device)
         rows = self.shown(garments, body_vertices).rows
         if len(rows):
-            self._onlooker.update([*garments, body_vertices])
             shows[rows] = self._onlooker.sees(self.covered.subset(rows).points(body_vertices))
         return shows
 

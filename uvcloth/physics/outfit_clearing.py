@@ -79,14 +79,11 @@ class OutfitClearing:
         garments = tuple(welded(mesh.vertices, mesh.faces) for mesh in meshes)
         sized = [(each.points / size, each.faces) for each in garments]
         joined = join_meshes(sized)
-        others = torch.zeros(0, 3) if cages is None else cages.vertices / size
-        parts = (len(joined.vertices), len(others))
-        both = (
-            joined.faces if cages is None else torch.cat([joined.faces, cages.faces + len(joined.vertices)])
-        )
-        every = closed.touches(torch.cat([joined.vertices, others]), rest, both)
+        others = [] if cages is None else [(cages.vertices / size, cages.faces)]
+        both = join_meshes([(joined.vertices, joined.faces), *others])
+        every = closed.touches(both.vertices, rest, both.faces)
         met = every.any(1)
-        touches, cages_touch = every.split(parts, dim=1)
+        touches, cages_touch = every.tensor_split([len(joined.vertices)], dim=1)
         used, faces = compact([part for part, is_met in zip(closed.parts, met, strict=True) if is_met])
         thickness, apart = outfit_thickness([points for points, _ in sized], sized), kept_apart(sized)
         rings = vertex_rings(unique_edges(joined.faces).numpy(), len(joined.vertices))

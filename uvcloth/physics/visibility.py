@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from uvcloth.geometry.mesh import join_meshes
 from uvcloth.physics.surface import Shell
 
 RISES = (-10.0, 10.0, 40.0, 75.0)
@@ -23,26 +22,24 @@ FAR_ENOUGH = 3.0
 
 
 class Onlooker:
-    """A person who walks around a body and its garments: vertices (V, 3), (N, 3) m and faces of each."""
+    """A person who walks around a body and its garments, the shells that hide points."""
 
-    def __init__(self, meshes: Sequence[tuple[Tensor, Tensor]]) -> None:
-        everything = join_meshes(meshes)
-        self._shell = Shell(everything.vertices, everything.faces)
+    def __init__(self, shells: Sequence[Shell]) -> None:
+        self._shells = shells
         turns = torch.arange(TURNS) * (2.0 * math.pi / TURNS)
         rises = torch.tensor(RISES).deg2rad()[:, None]
         level = torch.stack([turns.cos(), turns.sin()], 1)
         flat = (rises.cos()[:, None] * level).reshape(-1, 2)
         up = rises.sin().expand(-1, TURNS).reshape(-1, 1)
-        self._directions = torch.cat([flat, up], 1).to(everything.vertices)
-
-    def update(self, vertices: Sequence[Tensor]) -> None:
-        """Move the meshes to new vertices (V, 3), (N, 3) m."""
-        self._shell.update(torch.cat(list(vertices)))
+        self._directions = torch.cat([flat, up], 1)
 
     def sees(self, points: Tensor) -> Tensor:
         """Mask (P,) of the points (P, 3) m that are seen from any side."""
         count = len(self._directions)
         starts = points.repeat_interleave(count, 0)
-        directions = self._directions.repeat(len(points), 1)
-        distance, _ = self._shell.first_hit(starts + START * directions, directions, FAR_ENOUGH)
-        return (distance >= FAR_ENOUGH).view(-1, count).any(1)
+        directions = self._directions.to(points).repeat(len(points), 1)
+        free = torch.ones_like(starts[:, 0], dtype=torch.bool)
+        for shell in self._shells:
+            distance, _ = shell.first_hit(starts + START * directions, directions, FAR_ENOUGH)
+            free &= distance >= FAR_ENOUGH
+        return free.view(-1, count).any(1)

@@ -282,6 +282,17 @@ def _settled(
     return state
 
 
+def followed(
+    prepared: CagedOutfit, state: CagedState, cages: NDArray[np.float32], garments: Sequence[Tensor]
+) -> list[Tensor]:
+    """Points (U, 3) m of each garment as its cage carries it, not cleared; arguments as of `carry`."""
+    offsets = torch.from_numpy((state.cloth.vertices() - cages).astype(np.float32))
+    return [
+        near + each.cage.at_garment(offsets[each.rows])
+        for each, near in zip(prepared.garments, garments, strict=True)
+    ]
+
+
 def carry(
     prepared: CagedOutfit,
     state: CagedState,
@@ -294,11 +305,7 @@ def carry(
     cages: (n, 3) m, garments: (U, 3) m of each, and body_vertices: (V, 3) m, skinned in one pose. The offsets
     of the cloth from the cages are added to the garments.
     """
-    offsets = torch.from_numpy((state.cloth.vertices() - cages).astype(np.float32))
-    points = [
-        near + each.cage.at_garment(offsets[each.rows])
-        for each, near in zip(prepared.garments, garments, strict=True)
-    ]
+    points = followed(prepared, state, cages, garments)
     fine, finished = prepared.clearing.clear(points, state.body, body_vertices, state.fine, FOLLOWING)
     return replace(state, fine=fine), finished
 
