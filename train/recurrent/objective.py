@@ -13,10 +13,15 @@ from uvcloth.checkpoint import TrainingData, body_record, save_checkpoint
 from uvcloth.errors import InputError
 from uvcloth.files.options import AtLeast, Between
 from uvcloth.methods.recurrent.method import Recurrent, recurrent_checkpoint
-from uvcloth.methods.recurrent.network import RecurrentConfig, RecurrentNetwork, RecurrentNetworks
+from uvcloth.methods.recurrent.network import (
+    GarmentSize,
+    RecurrentConfig,
+    RecurrentNetwork,
+    RecurrentNetworks,
+)
 
 from ..loop import Objective, training_device
-from .windows import Fitted, GarmentRuns, Windows
+from .windows import SKIN_EVERY, Fitted, GarmentRuns, Windows
 
 SLOW = 1.0
 """Speed, mm per frame, that errors of the speed are a share of where cloth is slower."""
@@ -60,7 +65,7 @@ class Start:
 
 
 class RecurrentObjective(Objective):
-    """Networks of several garments, each on runs of its own."""
+    """A network of several garments, each on runs of its own."""
 
     def __init__(
         self,
@@ -79,7 +84,7 @@ class RecurrentObjective(Objective):
             if start is None:
                 runs.take_in()
             else:
-                runs.restore(Fitted.of(start.method.networks.of(runs.name)))
+                runs.restore(Fitted.of(start.method.networks.part(runs.name)))
         self._samples = torch.arange(max(map(len, made)))
         self._measure_units()
 
@@ -89,20 +94,24 @@ class RecurrentObjective(Objective):
         return self._samples
 
     def networks(self) -> dict[str, nn.Module]:
-        """A network for each garment, with its shapes, and inputs scaled to the data."""
+        """The network, with the garments' shapes, and inputs scaled to the data."""
         joints = len(self.body.skeleton.heads)
-        nets: dict[str, nn.Module] = {}
+        sizes = {
+            name: GarmentSize(len(runs.fitted.mean), *runs.corners.shape) for name, runs in self.runs.items()
+        }
+        net = RecurrentNetworks(self.config, joints, sizes)
         for name, runs in self.runs.items():
-            net = RecurrentNetwork(self.config, joints, len(runs.fitted.mean), *runs.corners.shape)
+            part = net.part(name)
             for key, value in vars(runs.fitted).items():
-                getattr(net, key).copy_(value)
-            net.extremes.copy_(runs.extremes())
-            net.corners.copy_(runs.corners)
-            net.shares.copy_(runs.shares)
+                getattr(part, key).copy_(value)
+            part.extremes.copy_(runs.extremes())
+            part.corners.copy_(runs.corners)
+            part.shares.copy_(runs.shares)
             if self.start is not None:
-                net.load_state_dict(self.start.method.networks.of(name).state_dict())
-            nets[name] = net
-        return {"net": RecurrentNetworks(nets)}
+                part.load_state_dict(self.start.method.networks.part(name).state_dict())
+        if self.start is not None:
+            net.trunk.load_state_dict(self.start.method.networks.trunk.state_dict())
+        return {"net": net}
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
@@ -111,13 +120,17 @@ class RecurrentObjective(Objective):
         parts: dict[str, Tensor] = {}
         # Windows may start anywhere between the places of two rows, in runs that came later as well.
         places = (rows + torch.rand(len(rows), device=rows.device)) / len(self._samples)
-        for name, runs in self.runs.items():
-            some = runs.draw(places.to(self.device))
-            inputs = some.inputs + self.losses.noise * torch.randn_like(some.inputs)
-            weights = networks["net"](name, inputs, some.conditions)
-            scored = slice(self.losses.unscored, None)
+        drawn = {name: runs.draw(places.to(self.device)) for name, runs in self.runs.items()}
+        noisy = {
+            name: some.inputs + self.losses.noise * torch.randn_like(some.inputs)
+            for name, some in drawn.items()
+        }
+        weights = networks["net"](noisy, {name: some.conditions for name, some in drawn.items()})
+        for name, some in drawn.items():
+            scored = weights[name].float()[:, self.losses.unscored :]
             predicted, truth = (
-                1000.0 * self._units[name] * each[:, scored] for each in (weights, some.weights)
+                1000.0 * self._units[name] * each
+                for each in (scored, some.weights[:, self.losses.unscored :])
             )
             wrong = predicted - truth
             parts[f"{name}_shape"] = _length(wrong)
@@ -125,7 +138,7 @@ class RecurrentObjective(Objective):
             if self.losses.speed > 0:
                 parts[f"{name}_speed"] = self.losses.speed * speed_error(predicted, truth)
             if self.losses.skin > 0:
-                inside = runs.fitted.inside(weights[:, scored].float(), some.skin[:, scored], MARGIN)
+                inside = self.runs[name].fitted.inside(scored[:, ::SKIN_EVERY], some.skin, MARGIN)
                 parts[f"{name}_skin"] = 1000.0 * self.losses.skin * inside.mean()
         yield "net", torch.stack(list(parts.values())).sum(), parts
 

@@ -15,7 +15,7 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.mesh import welded
 from uvcloth.geometry.mirror import mirror_transforms
 from uvcloth.methods.recurrent.body_motion import body_motion
-from uvcloth.methods.recurrent.network import RecurrentNetwork
+from uvcloth.methods.recurrent.network import GarmentPart
 
 from .cage_runs import VALIDATION, CageRun, load_run, reference_cage, run_files
 from .motions import FPS
@@ -28,6 +28,9 @@ LEAST_SPREAD = 0.01
 
 SAME = 1e-4
 """Standard deviation of a condition below which it is always the same."""
+
+SKIN_EVERY = 4
+"""One of so many frames of a window has its skin: the planes are most of the data."""
 
 SYMMETRIC = 0.02
 """Metres that a cage's mirrored vertices may be off it: its faces are coarse, the garment is symmetric."""
@@ -51,7 +54,7 @@ class Fitted:
     """Statistics of runs.
 
     center, spread: (C,) of the body's motion. usual, scale: (S,) of the condition, see
-    RecurrentNetwork. mean: (n, 3) m, of the cage at rest. shapes: (K, n, 3) m,
+    GarmentPart. mean: (n, 3) m, of the cage at rest. shapes: (K, n, 3) m,
     orthogonal, all of one length; of the first the weights have variance one.
     """
 
@@ -63,9 +66,9 @@ class Fitted:
     shapes: Tensor
 
     @classmethod
-    def of(cls, network: RecurrentNetwork) -> "Fitted":
+    def of(cls, part: GarmentPart) -> "Fitted":
         """The statistics that a network was trained with."""
-        return cls(**{each.name: getattr(network, each.name) for each in fields(cls)})
+        return cls(**{each.name: getattr(part, each.name) for each in fields(cls)})
 
     def to(self, device: torch.device) -> "Fitted":
         """The statistics on a device."""
@@ -116,6 +119,7 @@ class GarmentRuns:
         across = closest_points(_across(cage.vertices), cage.vertices, cage.faces)
         self._opposite = cage.faces[across.face].to(device), across.barycentrics.to(device)
         self._mirrors = windows.mirror and float(across.distance.max()) < SYMMETRIC
+        self._validation: dict[Path, CageRun] = {}
         self.fitted = self._fit(files, shapes)
         self._forget()
 
@@ -150,11 +154,15 @@ class GarmentRuns:
         )
 
     def draw(self, places: Tensor) -> Learned:
-        """Windows that start at places (B,), 0 to 1 in all runs: (B, W, ...), with conditions (B, S)."""
+        """Windows that start at places (B,), 0 to 1 in all runs: (B, W, ...), with conditions (B, S).
+
+        Of the skin there is one frame in SKIN_EVERY, from the first that is scored on.
+        """
         starts = self._starts[(places * len(self._starts)).long().clamp(max=len(self._starts) - 1)]
         rows = starts[:, None] + torch.arange(self.windows.length, device=self.device)
         some = self._all
-        return Learned(some.inputs[rows], some.weights[rows], some.conditions[starts], some.skin[rows])
+        skin = some.skin[rows[:, self.windows.unscored :: SKIN_EVERY]]
+        return Learned(some.inputs[rows], some.weights[rows], some.conditions[starts], skin)
 
     def extremes(self) -> Tensor:
         """Weights (2 K, K) of the frames in which each of them is the least or the greatest."""
@@ -169,7 +177,10 @@ class GarmentRuns:
 
     def held_out(self) -> Iterator[CageRun]:
         """Yield the runs of validation clips."""
-        yield from map(self._loaded, run_files(self.folder / VALIDATION))
+        for path in run_files(self.folder / VALIDATION):
+            if path not in self._validation:
+                self._validation[path] = self._loaded(path)
+            yield self._validation[path]
 
     def clips(self, held_out: bool) -> dict[str, str]:
         """Subjects of the clips of the runs, by clip."""
