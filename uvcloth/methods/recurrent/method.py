@@ -27,6 +27,7 @@ from uvcloth.checkpoint import (
     stored_config,
 )
 from uvcloth.errors import InputError
+from uvcloth.files.eight_bits import from_eight_bits, in_eight_bits
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.records import CPU
 from uvcloth.geometry.skinning import skin_each
@@ -173,15 +174,15 @@ def _apart(shapes: Sequence[Tensor]) -> Tensor:
 def recurrent_checkpoint(
     method: Recurrent, body: Body, data: TrainingData, notes: dict[str, Any]
 ) -> Checkpoint:
-    """The checkpoint, in half precision."""
+    """The checkpoint: matrices and shapes in eight bits, the rest in half precision."""
     tensors = {
-        name: tensor.half() if tensor.is_floating_point() else tensor
+        name: tensor.half() if tensor.is_floating_point() and not _is_large(name) else tensor
         for name, tensor in method.networks.state_dict().items()
     }
     return Checkpoint(
         method="recurrent",
         config=asdict(method.config),
-        tensors=tensors,
+        tensors=in_eight_bits(tensors, _is_large),
         body=body_record(body),
         garments=tuple(method.networks),
         data=data,
@@ -189,11 +190,16 @@ def recurrent_checkpoint(
     )
 
 
+def _is_large(name: str) -> bool:
+    """True for the names of matrices and shapes."""
+    return ".weight" in name or name.endswith(".shapes")
+
+
 def load_recurrent(checkpoint: Checkpoint, folder: Path) -> Recurrent:
     """The trained method of a checkpoint. Raises InputError if its parts do not fit each other."""
     try:
         config = stored_config(checkpoint, RecurrentConfig)
-        tensors = checkpoint.tensors
+        tensors = from_eight_bits(checkpoint.tensors)
         sizes = {name: _size(tensors, name) for name in checkpoint.garments}
         joints = (tensors["trunk.motion.weight"].shape[1] - OF_ROOT) // PER_JOINT
 

@@ -161,7 +161,7 @@ class RecurrentNetwork(nn.Module):
         return (motion - self.part.center) / self.part.spread
 
     def told(self, condition: Tensor) -> Tensor:
-        """The share (..., H) of the garment and its condition (..., S), see `condition`, in the first layer."""
+        """The share (..., H) of the garment and a condition (..., S), see `condition`, in the first layer."""
         told: Tensor = self.trunk.given((condition - self.part.usual) * self.part.scale) + self.part.bias
         return told
 
