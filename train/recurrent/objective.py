@@ -63,6 +63,11 @@ class Start:
     method: Recurrent
     data: TrainingData
 
+    def fitted(self) -> dict[str, Fitted]:
+        """The statistics of its garments."""
+        networks = self.method.networks
+        return {name: Fitted.of(networks.part(name)) for name in networks}
+
 
 class RecurrentObjective(Objective):
     """A network of several garments, each on runs of its own."""
@@ -78,13 +83,9 @@ class RecurrentObjective(Objective):
         self.config, self.losses, self.body, self.start = config, losses, body, start
         self.device = training_device()
         windows = Windows(losses.window, losses.unscored, losses.mirror)
-        made = [GarmentRuns(path, body, windows, config.shapes, self.device) for path in folders]
+        before = {} if start is None else start.fitted()
+        made = [GarmentRuns(path, body, windows, config.shapes, self.device, before) for path in folders]
         self.runs = {runs.name: runs for runs in made}
-        for runs in made:
-            if start is None:
-                runs.take_in()
-            else:
-                runs.restore(Fitted.of(start.method.networks.part(runs.name)))
         self._samples = torch.arange(max(map(len, made)))
         self._measure_units()
 

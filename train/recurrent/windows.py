@@ -1,6 +1,6 @@
 """Windows of cage runs as a network learns them: the body's motion, and weights of shapes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -105,7 +105,16 @@ class Learned:
 class GarmentRuns:
     """Runs of one garment's cage, on a device; more may come while they are used."""
 
-    def __init__(self, folder: Path, body: Body, windows: Windows, shapes: int, device: torch.device) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        body: Body,
+        windows: Windows,
+        shapes: int,
+        device: torch.device,
+        fitted: Mapping[str, Fitted],
+    ) -> None:
+        """Take in the runs of a folder; fits shapes to them unless the garment's statistics are given."""
         self.folder, self.body, self.windows, self.device = folder, body, windows, device
         files = run_files(folder)
         if not files or not run_files(folder / VALIDATION):
@@ -120,8 +129,8 @@ class GarmentRuns:
         self._opposite = cage.faces[across.face].to(device), across.barycentrics.to(device)
         self._mirrors = windows.mirror and float(across.distance.max()) < SYMMETRIC
         self._validation: dict[Path, CageRun] = {}
-        self.fitted = self._fit(files, shapes)
-        self._forget()
+        given = fitted.get(self.name)
+        self.restore(self._fit(files, shapes) if given is None else given)
 
     def _forget(self) -> None:
         self.frames = 0
