@@ -6,10 +6,12 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
+from uvcloth.geometry.skeleton import local_rotations
 from uvcloth.motion.clip_splits import find_sources
 from uvcloth.motion.draw_poses import draw_poses, local_angles
+from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import PoseDatabase, load_poses, save_poses
-from uvcloth.motion.recombine import joint_parts, recombine
+from uvcloth.motion.recombine import joint_parts, legs_and_trunk, recombine
 
 
 def always(vertices: Tensor) -> bool:
@@ -76,3 +78,15 @@ def test_what_cannot_be_made_is_said(body: Body, drawn: PoseDatabase) -> None:
     assert recombine(drawn, body, always, 0) is drawn
     with pytest.raises(InputError, match="only 0 combinations are valid on body"):
         recombine(drawn, body, lambda vertices: False, 2)
+
+
+def test_a_clip_takes_the_trunk_and_arms_of_another_on_its_hips(body: Body) -> None:
+    run, twirl = load_clip("run", body).window(0, 20), load_clip("twirl", body).window(0, 12)
+    made = legs_and_trunk(run, twirl)
+    parents, above = body.skeleton.parents, joint_parts(body.skeleton) > 0
+    local = [local_rotations(parents, clip.rotations[:12]) for clip in (made, run, twirl)]
+    assert len(made) == 12
+    assert torch.equal(made.translation, run.translation[:12])
+    torch.testing.assert_close(local[0][:, ~above], local[1][:, ~above], atol=1e-5, rtol=0)
+    torch.testing.assert_close(local[0][:, above], local[2][:, above], atol=1e-5, rtol=0)
+    assert float((local[1] - local[2])[:, above].abs().max()) > 0.3

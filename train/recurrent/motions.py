@@ -1,4 +1,4 @@
-"""Motions without end for training: clips drawn by number, at another speed, mirrored, joined, stopped."""
+"""Motions without end for training: clips by number, at another speed, mirrored, recombined, joined, stopped."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -14,6 +14,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import Entry, clip_file, read_index
 from uvcloth.motion.join import join_clips
 from uvcloth.motion.library import load_clip
+from uvcloth.motion.recombine import legs_and_trunk
 from uvcloth.motion.retarget import resample
 from uvcloth.motion.stop import come_to_rest
 from uvcloth.simulate.plan import interleaved
@@ -26,6 +27,9 @@ STOPPING = 0.4
 
 STILL_SECONDS = 2.0
 """Seconds that a body stands still after a stop: a skirt swings for a second and a half."""
+
+RECOMBINED = 0.4
+"""Share of the varied motions whose trunk, head and arms are those of another clip of the split."""
 
 JOINED = 0.3
 """Share of the varied motions that go on in another clip of the split."""
@@ -74,8 +78,11 @@ class Motions:
         varied = number >= len(self.entries)
         clip = self._clip(self.entry(number), generator if varied else None)
         clip = _cut(clip, LONGEST, generator)
+        if varied and generator.random() < RECOMBINED:
+            other = _cut(self._any(generator), len(clip), generator)
+            clip = legs_and_trunk(clip, other)
         if varied and generator.random() < JOINED:
-            other = self._clip(self.entries[generator.integers(len(self.entries))], generator)
+            other = self._any(generator)
             clip = join_clips(_cut(clip, LONGEST // 2, generator), other, FADE_SECONDS).window(0, LONGEST)
         if generator.random() < STOPPING:
             end = int(generator.integers(len(clip) // 2, len(clip) + 1))
@@ -84,6 +91,10 @@ class Motions:
         if varied and generator.random() < 0.5:
             transforms = mirror_transforms(transforms, self.body.skeleton)
         return transforms
+
+    def _any(self, generator: np.random.Generator) -> Clip:
+        """Any clip of the split, at any speed."""
+        return self._clip(self.entries[generator.integers(len(self.entries))], generator)
 
     def _clip(self, entry: Entry, generator: np.random.Generator | None) -> Clip:
         """A clip of the split, at a speed that the generator draws."""

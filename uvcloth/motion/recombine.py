@@ -1,7 +1,7 @@
-"""Recombination of poses: the legs of one, the trunk of another, the arms of two more.
+"""Recombination of poses: the legs of one, the trunk of another, the arms of two more; and of clips.
 
-A few clips hold each arm and each leg in many positions, but only in few combinations. A method that trains
-without simulated data can use other combinations too: it needs only poses that the body can take.
+A few clips hold each arm and each leg in many positions, but only in few combinations. Training can use other
+combinations too: it needs only poses that the body can take.
 """
 
 from collections.abc import Callable
@@ -15,6 +15,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.errors import InputError
 from uvcloth.geometry.skeleton import Skeleton, local_rotations, world_rotations
+from uvcloth.motion.clip import Clip
 from uvcloth.motion.poses import SPLITS, PoseDatabase
 from uvcloth.motion.roles import joint_roles
 
@@ -64,6 +65,18 @@ def recombine(
         return poses
     made = _made_of(poses, local, torch.stack(kept), part, body.skeleton)
     return poses.followed_by(made)
+
+
+def legs_and_trunk(legs: Clip, trunk: Clip) -> Clip:
+    """A clip that goes as one does, with the trunk, the head and the arms of another on its hips.
+
+    It is as long as the shorter one. Both are of one skeleton and frame rate.
+    """
+    frames, parents = min(len(legs), len(trunk)), legs.skeleton.parents
+    below, above = (local_rotations(parents, each.rotations[:frames]) for each in (legs, trunk))
+    is_above = (joint_parts(legs.skeleton) > 0)[:, None, None]
+    rotations = world_rotations(parents, torch.where(is_above, above, below))
+    return replace(legs.window(0, frames), rotations=rotations)
 
 
 def joint_parts(skeleton: Skeleton) -> Tensor:
