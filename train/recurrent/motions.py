@@ -1,4 +1,4 @@
-"""Motions without end for training: clips by number, at another speed, mirrored, recombined, joined, stopped."""
+"""Motions without end for training: clips by number, sped up, mirrored, recombined, joined and stopped."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
