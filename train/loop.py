@@ -349,11 +349,10 @@ def set_rates(optimizers: Mapping[str, Any], config: LoopConfig, share: float) -
 def _update_average(average: nn.Module, network: nn.Module, decay: float, step: int) -> None:
     """Move the running mean towards the network: faster while there is little to average."""
     decay = min(decay, (1.0 + step) / (10.0 + step))
-    pairs = list(zip(average.state_dict().values(), network.state_dict().values(), strict=True))
-    means, values = zip(*(pair for pair in pairs if pair[0].is_floating_point()), strict=True)
-    torch._foreach_lerp_(means, values, 1.0 - decay)
-    for mean, value in pairs:
-        if not mean.is_floating_point():
+    for mean, value in zip(average.state_dict().values(), network.state_dict().values(), strict=True):
+        if mean.is_floating_point():
+            mean.lerp_(value, 1.0 - decay)
+        else:
             mean.copy_(value)
 
 
