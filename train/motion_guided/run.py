@@ -8,7 +8,7 @@ from tyro.conf import OmitArgPrefixes
 
 from uvcloth.commands.options import FOLDER
 from uvcloth.errors import InputError
-from uvcloth.files.options import AtLeast, NewFolder
+from uvcloth.files.options import AtLeast, NewFolder, Several
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.method import ENTRY as METHOD
 
@@ -48,8 +48,8 @@ LOSSES: dict[str, MotionGuidedLosses] = {
 class MotionGuidedRun:
     """Train Motion-guided on one garment: a space of its shapes, then the dynamics in it."""
 
-    data: Annotated[Path, FOLDER]
-    """Folder of sequences made by `uvcloth simulate`, all on one body."""
+    data: Annotated[tuple[Path, ...], FOLDER, Several()]
+    """Folders of sequences made by `uvcloth simulate`, all on one body."""
     out: Annotated[Path, NewFolder()]
     """Folder of the run: checkpoint, training state, TensorBoard; the first stage is in its subfolder
     shape."""
