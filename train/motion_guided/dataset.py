@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import torch
@@ -152,7 +153,6 @@ class GarmentDataset:
             Operator(smooth.to_sparse_csr(), smooth.t().to_sparse_csr()), device
         )
         self.sample: Operator = to_device(sampling(maps.pixels, maps.shares, 4 * config.size**2), device)
-        self.skin = BodySurface(self.body.mesh.vertices.to(device), self.body.mesh.faces.to(device))
         self.frames = counted.shape[1]
         also = ", and their mirror images" if images else ""
         if mirror and not images:
@@ -161,6 +161,12 @@ class GarmentDataset:
             f"{self.frames} training frames of {len(training)} clips{also}; "
             f"{count_frames(held)} validation frames ({', '.join(clip.name for clip in held)})"
         )
+
+    @cached_property
+    def skin(self) -> BodySurface:
+        """The body at rest. Its search is compiled for a GPU first, which takes a while."""
+        mesh = self.body.mesh
+        return BodySurface(mesh.vertices.to(self.device), mesh.faces.to(self.device))
 
     def codes(self, space: Space, frames: GarmentFrames, rows: Tensor) -> Tensor:
         """Z* of simulated garments in chosen rows: (B, Z)."""

@@ -111,7 +111,7 @@ class ShapeObjective(Objective):
         parts = {
             "shape": shape,
             "random": settled * losses.random * (lengths - dataset.lengths).abs().mean(),
-            "inside": settled * losses.inside * dataset.depth(resting),
+            "inside": settled * losses.inside * dataset.depth(resting) if losses.inside else 0.0 * settled,
             "regular": losses.regular * _regular(codes),
         }
         yield "net", torch.stack(list(parts.values())).sum(), parts
