@@ -25,7 +25,7 @@ from .objective import (
 
 LOOPS: dict[str, LoopConfig] = {
     "fast": LoopConfig(steps=1200, validate_every=100, keep="last"),
-    "gpu": LoopConfig(steps=10000, batch=32, average=0.999, validate_every=500),
+    "gpu": LoopConfig(steps=10000, batch=32, average=0.999, validate_every=1000),
     "paper": LoopConfig(steps=30000, batch=4, learning_rate=1e-4, weight_decay=0.0, average=0.0),
     "tiny": LoopConfig(steps=8, batch=2, validate_every=4, average=0.9),
 }

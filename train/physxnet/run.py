@@ -25,7 +25,7 @@ LOSSES: dict[str, Losses] = {
 
 LOOPS: dict[str, LoopConfig] = {
     "default": LoopConfig(),
-    "gpu": LoopConfig(steps=20000, batch=64, learning_rate=1.5e-3, average=0.999, validate_every=1000),
+    "gpu": LoopConfig(steps=20000, batch=64, learning_rate=1.5e-3, average=0.999, validate_every=2000),
     "paper": LoopConfig(steps=20000, learning_rate=2e-4, schedule="constant", weight_decay=0.0, average=0.0),
     "tiny": LoopConfig(steps=30, validate_every=15, average=0.9),
 }

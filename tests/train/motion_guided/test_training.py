@@ -211,6 +211,22 @@ def test_one_command_trains_both_stages(data: Path, tmp_path: Path, monkeypatch:
         main()
 
 
+def test_clips_of_several_folders_are_joined(data: Path) -> None:
+    def scored(folders: list[Path]) -> int:
+        read = GarmentDataset(PRESETS["tiny"], LOSSES["tiny"], folders)
+        return len(read.training.rows.samples) + len(read.held.rows.samples)
+
+    assert scored([data, data]) == 2 * scored([data])
+
+
+def test_the_space_is_not_searched_for_depth_that_costs_nothing(data: Path) -> None:
+    losses = replace(LOSSES["tiny"], inside=0.0)
+    objective = ShapeObjective(dataset(data, losses), losses)
+    ((_, _, parts),) = objective.steps(objective.networks(), objective.samples[:2])
+    assert parts["inside"] == 0.0
+    assert "skin" not in vars(objective.dataset)
+
+
 def test_training_needs_the_garment(data: Path) -> None:
     with pytest.raises(InputError, match="tops"):
         GarmentDataset(replace(PRESETS["tiny"], garment="tops"), LOSSES["tiny"], [data])
