@@ -14,6 +14,7 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from torch import Tensor, nn
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import make_folder, require_there
@@ -260,7 +261,11 @@ def _step(training: Training, samples: Tensor, batch: int) -> dict[str, Tensor]:
     ]
     torch.manual_seed((config.seed * 1_000_003 + done.step) * fabric.world_size + fabric.global_rank)
     parts: dict[str, Tensor] = {}
-    for name, loss, logged in training.objective.steps(training.networks, rows.to(fabric.device)):
+    if fabric.device.type == "cuda":
+        # A copy from other memory would wait for the step before.
+        rows = rows.pin_memory()
+    rows = rows.to(fabric.device, non_blocking=True)
+    for name, loss, logged in training.objective.steps(training.networks, rows):
         training.optimizers[name].zero_grad()
         fabric.backward(loss)
         training.optimizers[name].step()
@@ -349,11 +354,11 @@ def set_rates(optimizers: Mapping[str, Any], config: LoopConfig, share: float) -
 def _update_average(average: nn.Module, network: nn.Module, decay: float, step: int) -> None:
     """Move the running mean towards the network: faster while there is little to average."""
     decay = min(decay, (1.0 + step) / (10.0 + step))
-    for mean, value in zip(average.state_dict().values(), network.state_dict().values(), strict=True):
-        if mean.is_floating_point():
-            mean.lerp_(value, 1.0 - decay)
-        else:
-            mean.copy_(value)
+    means, values = average.state_dict(), network.state_dict()
+    counts = [name for name, mean in means.items() if not mean.is_floating_point()]
+    for name in counts:
+        means.pop(name).copy_(values.pop(name))
+    get_ema_multi_avg_fn(decay)([*means.values()], [*values.values()], None)
 
 
 def _settings(training: Training) -> dict[str, Any]:

@@ -44,7 +44,7 @@ def runs(data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Pa
     """Both garments, trained for a moment."""
     folder = tmp_path_factory.mktemp("runs")
     for config in (INNER, OUTER):
-        run, dataset = folder / config.garment, GarmentDataset(config, LOSSES["tiny"], data)
+        run, dataset = folder / config.garment, GarmentDataset(config, LOSSES["tiny"], [data])
         fit(ShapeObjective(dataset, LOSSES["tiny"]), run / SHAPE, LOOP, resume=False)
         space = load_shape_space(run / SHAPE, dataset.config)
         fit(DynamicsObjective(dataset, LOSSES["tiny"], space), run, LOOP, resume=False)
@@ -71,7 +71,7 @@ def test_seeds_lie_on_the_inner_garment_and_follow_it() -> None:
 
 
 def test_an_outfit_trains_on_the_clips_that_have_both(data: Path) -> None:
-    dataset = GarmentDataset(OUTER, LOSSES["tiny"], data)
+    dataset = GarmentDataset(OUTER, LOSSES["tiny"], [data])
     assert sorted(dataset.data.files) == [
         f"{data.name}/clip{k}_{name}.npz" for k in (0, 1) for name in ("bottoms", "tops")
     ]
@@ -135,4 +135,4 @@ def test_more_models_than_garments_are_refused() -> None:
 
 def test_a_data_set_without_the_inner_garment_is_refused(data: Path) -> None:
     with pytest.raises(InputError, match="no training clip was simulated with tops and dress"):
-        GarmentDataset(replace(OUTER, under="dress"), LOSSES["tiny"], data)
+        GarmentDataset(replace(OUTER, under="dress"), LOSSES["tiny"], [data])

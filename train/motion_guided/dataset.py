@@ -1,6 +1,8 @@
 """The training data of Motion-guided: one garment on one body, frame after frame, clip after clip."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import torch
@@ -48,15 +50,17 @@ class GarmentFrames:
 
 
 def load_frames(clips: list[SimulatedClip], garment: str, under: str, maps: GarmentMaps) -> GarmentFrames:
-    """Join the clips; under: the garment that the seeds lie on, if any."""
-    seeds = []
+    """Join the clips on the device of the maps; under: the garment that the seeds lie on, if any."""
+    device, seeds = maps.points.device, []
     for clip, first in led_in(clips, MEMORY):
-        transforms = clip.transforms[first:]
+        transforms = clip.transforms[first:].to(device)
         if under:
-            seeds.append(seeds_on(maps.seeds, clip.by_name[under].vertices[first:], transforms))
+            vertices = clip.by_name[under].vertices[first:].to(device)
+            seeds.append(seeds_on(maps.seeds, vertices, transforms))
         else:
             seeds.append(pose_seeds(maps.seeds, transforms))
-    rows, simulated = joined_rows(clips, MEMORY), joined_vertices(clips, garment, MEMORY).float()
+    rows: Rows = to_device(joined_rows(clips, MEMORY), device)
+    simulated = joined_vertices(clips, garment, MEMORY).to(device).float()
     return GarmentFrames(
         rows=rows,
         vertices=simulated,
@@ -80,15 +84,16 @@ def offsets_of(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tenso
     return torch.cat([local_offsets(maps, maps.positions(v), now) for v, now in parts])
 
 
-def load_clips_of(rests: dict[str, Tensor], data: Path) -> list[SimulatedClip]:
+def load_clips_of(rests: dict[str, Tensor], data: Sequence[Path]) -> list[SimulatedClip]:
     """The training clips with all of some garments. rests: by name, (N, 3) m, their vertices at rest.
 
     Raises InputError if there is none, or if one is of another garment or body.
     """
-    by_body = read_clips([data], tuple(rests))
+    by_body = read_clips(data, tuple(rests))
     dressed = [(body, [c for c in clips if rests.keys() <= c.by_name.keys()]) for body, clips in by_body]
     if not any(clips for _, clips in dressed):
-        raise InputError(f"{data}: no training clip was simulated with {' and '.join(rests)}")
+        folders = " ".join(map(str, data))
+        raise InputError(f"{folders}: no training clip was simulated with {' and '.join(rests)}")
     for body, clips in dressed:
         require_rests(rests, clips, body)
     return [clip for _, clips in dressed for clip in clips]
@@ -101,19 +106,20 @@ class GarmentDataset:
         self,
         config: MotionGuidedConfig,
         holdout: Holdout,
-        data: Path,
+        data: Sequence[Path],
         frames: int | None = None,
         device: torch.device = CPU,
         mirror: bool = False,
     ) -> None:
         """Read the data and put it on the device.
 
-        frames: train on the first so many only, clip after clip, None for all. mirror: and on their mirror
-        images.
+        data: folders of sequences, all on one body. frames: train on the first so many only, clip after clip,
+        None for all. mirror: and on their mirror images.
 
         Raises InputError if it lacks the garment or what is worn under it, or is of another garment or body.
         """
-        self.body = folder_body(data)
+        folders = " ".join(map(str, data))
+        self.body = folder_body(data[0])
         self.garment = garment = load_garment_for_data(config.garment, self.body)
         under = load_garment_for_data(config.under, self.body) if config.under else None
         self.config = config = replace(
@@ -123,22 +129,21 @@ class GarmentDataset:
             vertices=len(garment.mesh.vertices),
         )
         rests = {g.name: g.mesh.vertices for g in (garment, under) if g}
-        dealt = hold_out(load_clips_of(rests, data), holdout, str(data))
+        dealt = hold_out(load_clips_of(rests, data), holdout, folders)
         training, held = of_split(dealt, "train"), of_split(dealt, "validation")
         if not training or not held:
-            raise InputError(f"{data}: needs two clips of {garment.name} at least, one to validate with")
+            raise InputError(f"{folders}: needs two clips of {garment.name} at least, one to validate with")
         if frames is not None and frames < 2:
             raise InputError(f"--frames {frames}: has to be 2 or more")
         self.data = training_data(dealt)
         self.device, self.clips = device, held
-        maps = config.maps(garment, self.body, under)
+        maps = to_device(config.maps(garment, self.body, under), device)
         images = mirror_clips(training, self.body, [g for g in (garment, under) if g]) if mirror else []
         learned = load_frames([*training, *images], garment.name, config.under, maps)
         counted = learned.rows.samples.view(2 if images else 1, -1)[:, :frames]
         learned = replace(learned, rows=replace(learned.rows, samples=counted.flatten()))
-        self.training: GarmentFrames = to_device(learned, device)
-        self.held: GarmentFrames = to_device(load_frames(held, garment.name, config.under, maps), device)
-        self.maps: GarmentMaps = to_device(maps, device)
+        self.training, self.maps = learned, maps
+        self.held = load_frames(held, garment.name, config.under, maps)
         edges = unique_edges(garment.mesh.faces)
         count = len(garment.mesh.vertices)
         self.edges: Operator = to_device(differences(edges, count), device)
@@ -148,7 +153,6 @@ class GarmentDataset:
             Operator(smooth.to_sparse_csr(), smooth.t().to_sparse_csr()), device
         )
         self.sample: Operator = to_device(sampling(maps.pixels, maps.shares, 4 * config.size**2), device)
-        self.skin = BodySurface(self.body.mesh.vertices.to(device), self.body.mesh.faces.to(device))
         self.frames = counted.shape[1]
         also = ", and their mirror images" if images else ""
         if mirror and not images:
@@ -157,6 +161,12 @@ class GarmentDataset:
             f"{self.frames} training frames of {len(training)} clips{also}; "
             f"{count_frames(held)} validation frames ({', '.join(clip.name for clip in held)})"
         )
+
+    @cached_property
+    def skin(self) -> BodySurface:
+        """The body at rest. Its search is compiled for a GPU first, which takes a while."""
+        mesh = self.body.mesh
+        return BodySurface(mesh.vertices.to(self.device), mesh.faces.to(self.device))
 
     def codes(self, space: Space, frames: GarmentFrames, rows: Tensor) -> Tensor:
         """Z* of simulated garments in chosen rows: (B, Z)."""

@@ -60,7 +60,7 @@ def fit_linear(space: LinearSpace, dataset: GarmentDataset) -> None:
     )
     wanted = codes / size
     gram = features @ features.T
-    ridge = RIDGE * gram.diagonal().mean() * torch.eye(len(gram)).to(gram)
+    gram.diagonal().add_(RIDGE * gram.diagonal().mean())
     space.code.weight.zero_()
     space.code.bias.zero_()
-    space.code.weight[: wanted.shape[1]] = (features.T @ torch.linalg.solve(gram + ridge, wanted)).T
+    space.code.weight[: wanted.shape[1]] = (features.T @ torch.linalg.solve(gram, wanted)).T

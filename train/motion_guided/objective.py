@@ -84,7 +84,7 @@ class ShapeObjective(Objective):
 
     def networks(self) -> dict[str, nn.Module]:
         """The space, its inputs scaled to the data; a linear one is fitted."""
-        dataset, net = self.dataset, self.dataset.config.shape_space()
+        dataset, net = self.dataset, self.dataset.config.shape_space().to(self.dataset.device)
         offsets = dataset.training.offsets[dataset.training.rows.samples[::4]]
         maps = dataset.maps.map(offsets)
         net.shift.copy_(maps.mean(0))
@@ -111,7 +111,7 @@ class ShapeObjective(Objective):
         parts = {
             "shape": shape,
             "random": settled * losses.random * (lengths - dataset.lengths).abs().mean(),
-            "inside": settled * losses.inside * dataset.depth(resting),
+            "inside": settled * losses.inside * dataset.depth(resting) if losses.inside else 0.0 * settled,
             "regular": losses.regular * _regular(codes),
         }
         yield "net", torch.stack(list(parts.values())).sum(), parts

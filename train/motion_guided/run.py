@@ -8,7 +8,7 @@ from tyro.conf import OmitArgPrefixes
 
 from uvcloth.commands.options import FOLDER
 from uvcloth.errors import InputError
-from uvcloth.files.options import AtLeast, NewFolder
+from uvcloth.files.options import AtLeast, NewFolder, Several
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.method import ENTRY as METHOD
 
@@ -25,6 +25,7 @@ from .objective import (
 
 LOOPS: dict[str, LoopConfig] = {
     "fast": LoopConfig(steps=1200, validate_every=100, keep="last"),
+    "gpu": LoopConfig(steps=10000, batch=32, average=0.999, validate_every=1000),
     "paper": LoopConfig(steps=30000, batch=4, learning_rate=1e-4, weight_decay=0.0, average=0.0),
     "tiny": LoopConfig(steps=8, batch=2, validate_every=4, average=0.9),
 }
@@ -32,13 +33,19 @@ LOOPS: dict[str, LoopConfig] = {
 
 SHAPE_LOOPS: dict[str, LoopConfig] = {
     "fast": LoopConfig(steps=200, learning_rate=1e-4, weight_decay=0.0, validate_every=50),
+    "gpu": LoopConfig(steps=1, learning_rate=1e-6, weight_decay=0.0),
     "paper": LOOPS["paper"],
     "tiny": LOOPS["tiny"],
 }
-"""The loop of the space of shapes, by preset; a linear one is fitted before."""
+"""The loop of the space of shapes, by preset.
+
+A linear one is fitted before. The steps of "fast" take it off the body, and further from held-out garments:
+6.6 mm before, 8.2 mm after. "gpu" leaves it as it was fitted.
+"""
 
 LOSSES: dict[str, MotionGuidedLosses] = {
     "fast": MotionGuidedLosses(),
+    "gpu": MotionGuidedLosses(inside=0.0, unroll=8),
     "paper": MotionGuidedLosses(steady=0.0, mirror=False, past="true", unroll=1),
     "tiny": MotionGuidedLosses(),
 }
@@ -48,13 +55,13 @@ LOSSES: dict[str, MotionGuidedLosses] = {
 class MotionGuidedRun:
     """Train Motion-guided on one garment: a space of its shapes, then the dynamics in it."""
 
-    data: Annotated[Path, FOLDER]
-    """Folder of sequences made by `uvcloth simulate`, all on one body."""
+    data: Annotated[tuple[Path, ...], FOLDER, Several()]
+    """Folders of sequences made by `uvcloth simulate`, all on one body."""
     out: Annotated[Path, NewFolder()]
     """Folder of the run: checkpoint, training state, TensorBoard; the first stage is in its subfolder
     shape."""
     preset: str = "fast"
-    """Preset of all settings below: fast, paper or tiny."""
+    """Preset of all settings below: fast, gpu (larger batches, for a GPU), paper or tiny."""
     resume: bool = False
     """Continue the run in `out`, in either stage."""
     frames: Annotated[int | None, AtLeast(1)] = None

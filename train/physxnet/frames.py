@@ -11,6 +11,7 @@ from rasterize.bake import scatter_map
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
 from uvcloth.dataset.reader import BodyClips
 from uvcloth.dataset.rows import Rows, joined_rows, led_in
+from uvcloth.geometry.records import to_device
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.maps import motion_values, pose_values, template_offsets
 
@@ -51,10 +52,11 @@ def load_frames(
     shared: Sequence[SharedTexels],
     title: str,
 ) -> Frames:
-    """Pose each body over its clips and take its texels' values.
+    """Pose each body over its clips and take its texels' values, on the device of the bodies.
 
-    prepared: for each body. shared: of each template.
+    prepared: for each body. shared: of each template. Both are on that device; the clips need not be.
     """
+    device = shared[0].pixels.device
     motion, pose, present, bodies = [], [], [], []
     offsets: list[list[Tensor]] = [[] for _ in config.templates]
     owners = [which for which, (_, clips) in enumerate(worn) for _ in clips]
@@ -62,7 +64,7 @@ def load_frames(
     cut = zip(owners, led_in(clips, HISTORY - 1), strict=True)
     for which, (clip, first) in track(cut, title, len(clips), transient=True):
         body, ready = worn[which][0], prepared[which]
-        led = with_lead(clip.transforms)
+        led = with_lead(clip.transforms.to(device))
         lead = len(led) - len(clip.transforms)
         for begin in range(first, len(clip.transforms), BAKED_AT_ONCE):
             end = min(begin + BAKED_AT_ONCE, len(clip.transforms))
@@ -76,9 +78,9 @@ def load_frames(
             if config.pose:
                 pose.append(sheet_of(pose_values(ready.texels, vertices, now), ready))
             for part, name, texels in zip(offsets, config.templates, shared, strict=True):
-                values = torch.zeros(len(now), len(texels.pixels), 3, dtype=torch.float16)
+                values = now.new_zeros(len(now), len(texels.pixels), 3, dtype=torch.float16)
                 if name in clip.by_name:
-                    simulated = clip.by_name[name].vertices[begin:end]
+                    simulated = clip.by_name[name].vertices[begin:end].to(device)
                     values[:, texels.slots[which]] = _offsets(config, ready, name, simulated, vertices, now)
                 part.append(values)
         count = len(clip.transforms) - first
@@ -86,12 +88,12 @@ def load_frames(
         present.append(has.expand(count, -1))
         bodies.append(torch.full((count,), which))
     return Frames(
-        rows=joined_rows(clips, HISTORY - 1),
+        rows=to_device(joined_rows(clips, HISTORY - 1), device),
         motion=torch.cat(motion),
         pose=torch.cat(pose) if pose else torch.zeros(0),
         offsets=tuple(torch.cat(part) for part in offsets),
-        present=torch.cat(present),
-        bodies=torch.cat(bodies),
+        present=torch.cat(present).to(device),
+        bodies=torch.cat(bodies).to(device),
     )
 
 

@@ -109,12 +109,9 @@ class PhysXNetObjective(Objective):
             f"{count_frames(held)} validation frames ({', '.join(clip.name for clip in held)})"
         )
         shared = [share_texels(prepared, name) for name in config.templates]
+        self.shared: list[SharedTexels] = to_device(shared, device)
         rest = iter(dealt)
         worn = [(body, list(islice(rest, len(clips)))) for body, clips in worn]
-        learned = [(body, of_split(clips, "train")) for body, clips in worn]
-        frames = load_frames(config, learned, prepared, shared, "training frames")
-        self.frames = to_device(frames, device)
-        self.shared: list[SharedTexels] = to_device(shared, device)
         self.wearers = [
             to_device(
                 Wearer(
@@ -127,6 +124,16 @@ class PhysXNetObjective(Objective):
             )
             for (body, clips), ready in zip(worn, prepared, strict=True)
         ]
+        self.frames = load_frames(
+            config,
+            [
+                (each.body, of_split(clips, "train"))
+                for each, (_, clips) in zip(self.wearers, worn, strict=True)
+            ],
+            [each.prepared for each in self.wearers],
+            self.shared,
+            "training frames",
+        )
         self.past = _new_past(config, self.frames) if config.history else torch.zeros(0)
         if config.anchor == "smooth_lbs":
             errors = {name: f"{error:.1f}" for name, error in self._skinning_errors().items()}
@@ -139,7 +146,7 @@ class PhysXNetObjective(Objective):
 
     def networks(self) -> dict[str, nn.Module]:
         """The network, scaled to the training data, and the discriminator if there is one."""
-        net = GarmentNet(self.config)
+        net = GarmentNet(self.config).to(self.device)
         set_statistics(net, self.config, self.wearers[0].prepared, self.shared, self.frames)
         if not self.weights.adversarial:
             return {"net": net}
@@ -193,8 +200,7 @@ class PhysXNetObjective(Objective):
             error = (means / scales[3 * index : 3 * index + 3]).mean(1)
             parts["l1"] = parts["l1"] + self.weights.l1 * (present[:, index] * error).sum() / total
             decoded.append((offsets[some], wrong[some]))
-        for which in bodies[some].unique().tolist():
-            places = torch.nonzero(bodies[some] == which).squeeze(1)
+        for which, places in self._by_body(bodies[some]):
             wearer, transforms = self.wearers[which], self.frames.rows.transforms[rows[some][places]]
             posed = posed_skin(wearer.body, transforms) if self.config.anchor == "body" else transforms
             for index, texels in enumerate(self.shared):
@@ -203,6 +209,17 @@ class PhysXNetObjective(Objective):
                 parts["edge"] = parts["edge"] + self.weights.edge * (share[places, index] * stretch).sum()
                 parts["bend"] = parts["bend"] + self.weights.bend * (share[places, index] * turned).sum()
         return parts
+
+    def _by_body(self, bodies: Tensor) -> Iterator[tuple[int, Tensor]]:
+        """Yield each of the bodies (B,) with the places that it has among them.
+
+        Where there are several, a GPU is waited for.
+        """
+        if len(self.wearers) == 1:
+            yield 0, torch.arange(len(bodies), device=bodies.device)
+            return
+        for which in bodies.unique().tolist():
+            yield which, torch.nonzero(bodies == which).squeeze(1)
 
     def _edges(
         self, wearer: Wearer, index: int, offsets: Tensor, wrong: Tensor, posed: Tensor, transforms: Tensor

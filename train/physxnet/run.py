@@ -18,12 +18,14 @@ from .objective import Losses, PhysXNetObjective
 
 LOSSES: dict[str, Losses] = {
     "default": Losses(),
+    "gpu": Losses(),
     "paper": Losses(l1=100.0, edge=0.0, bend=0.0, adversarial=True, mirror=False),
     "tiny": Losses(),
 }
 
 LOOPS: dict[str, LoopConfig] = {
     "default": LoopConfig(),
+    "gpu": LoopConfig(steps=20000, batch=64, learning_rate=1.5e-3, average=0.999, validate_every=2000),
     "paper": LoopConfig(steps=20000, learning_rate=2e-4, schedule="constant", weight_decay=0.0, average=0.0),
     "tiny": LoopConfig(steps=30, validate_every=15, average=0.9),
 }
@@ -38,7 +40,7 @@ class PhysXNetRun:
     out: Annotated[Path, NewFolder()]
     """Folder of the run: checkpoint, training state, TensorBoard."""
     preset: str = "default"
-    """Preset of all settings below: default, paper or tiny."""
+    """Preset of all settings below: default, gpu (larger batches, for a GPU), paper or tiny."""
     resume: bool = False
     """Continue the run in `out`."""
     network: OmitArgPrefixes[PhysXNetConfig] = field(default_factory=PhysXNetConfig)

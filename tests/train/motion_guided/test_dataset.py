@@ -37,7 +37,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> GarmentDataset:
             metadata={"clip": clip, "garment": "dress", "body": body.name},
         )
         save_simulated(sequence, folder / f"{clip}_dress.npz")
-    return GarmentDataset(PRESETS["tiny"], LOSSES["tiny"], folder)
+    return GarmentDataset(PRESETS["tiny"], LOSSES["tiny"], [folder])
 
 
 class Seeing(nn.Module):

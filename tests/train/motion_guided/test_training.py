@@ -50,7 +50,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def dataset(data: Path, losses: MotionGuidedLosses = LOSSES["tiny"]) -> GarmentDataset:
-    return GarmentDataset(PRESETS["tiny"], losses, data)
+    return GarmentDataset(PRESETS["tiny"], losses, [data])
 
 
 def states(tmp_path: Path) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tensor]]:
@@ -114,7 +114,7 @@ def test_the_network_that_is_kept(
 
 
 def test_a_linear_space_holds_the_garments_it_was_fitted_to(data: Path) -> None:
-    seen = GarmentDataset(replace(PRESETS["tiny"], size=32), LOSSES["tiny"], data)
+    seen = GarmentDataset(replace(PRESETS["tiny"], size=32), LOSSES["tiny"], [data])
     space = ShapeObjective(seen, LOSSES["tiny"]).networks()["net"]
     frames, chosen = seen.training, seen.training.rows.samples
     with torch.no_grad():
@@ -211,6 +211,22 @@ def test_one_command_trains_both_stages(data: Path, tmp_path: Path, monkeypatch:
         main()
 
 
+def test_clips_of_several_folders_are_joined(data: Path) -> None:
+    def scored(folders: list[Path]) -> int:
+        read = GarmentDataset(PRESETS["tiny"], LOSSES["tiny"], folders)
+        return len(read.training.rows.samples) + len(read.held.rows.samples)
+
+    assert scored([data, data]) == 2 * scored([data])
+
+
+def test_the_space_is_not_searched_for_depth_that_costs_nothing(data: Path) -> None:
+    losses = replace(LOSSES["tiny"], inside=0.0)
+    objective = ShapeObjective(dataset(data, losses), losses)
+    ((_, _, parts),) = objective.steps(objective.networks(), objective.samples[:2])
+    assert parts["inside"] == 0.0
+    assert "skin" not in vars(objective.dataset)
+
+
 def test_training_needs_the_garment(data: Path) -> None:
     with pytest.raises(InputError, match="tops"):
-        GarmentDataset(replace(PRESETS["tiny"], garment="tops"), LOSSES["tiny"], data)
+        GarmentDataset(replace(PRESETS["tiny"], garment="tops"), LOSSES["tiny"], [data])

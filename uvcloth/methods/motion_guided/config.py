@@ -127,6 +127,7 @@ class MotionGuidedConfig:
 
 PRESETS: dict[str, MotionGuidedConfig] = {
     "fast": MotionGuidedConfig(),
+    "gpu": MotionGuidedConfig(),
     "paper": MotionGuidedConfig(
         size=128,
         width=128,

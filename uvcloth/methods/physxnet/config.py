@@ -87,6 +87,7 @@ class PhysXNetConfig:
 
 PRESETS: dict[str, PhysXNetConfig] = {
     "default": PhysXNetConfig(),
+    "gpu": PhysXNetConfig(),
     "paper": PhysXNetConfig(
         size=256,
         width=64,

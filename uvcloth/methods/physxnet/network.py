@@ -50,5 +50,6 @@ class GarmentNet(nn.Module):
 
 def mirror(maps: Tensor) -> Tensor:
     """Left-right mirror image of maps of vectors (B, 3 n, H, W): the layout is symmetric about u = 0.5."""
-    signs = maps.new_tensor([-1.0, 1.0, 1.0]).repeat(maps.shape[1] // 3)
+    signs = maps.new_ones(maps.shape[1])
+    signs[::3] = -1.0
     return maps.flip(-1) * signs[:, None, None]
