@@ -28,7 +28,7 @@ STOPPING = 0.4
 STILL_SECONDS = 2.0
 """Seconds that a body stands still after a stop: a skirt swings for a second and a half."""
 
-RECOMBINED = 0.4
+RECOMBINED = 0.7
 """Share of the varied motions whose trunk, head and arms are those of another clip of the split."""
 
 JOINED = 0.3
