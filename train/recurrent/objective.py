@@ -13,12 +13,7 @@ from uvcloth.checkpoint import TrainingData, body_record, save_checkpoint
 from uvcloth.errors import InputError
 from uvcloth.files.options import AtLeast, Between
 from uvcloth.methods.recurrent.method import Recurrent, recurrent_checkpoint
-from uvcloth.methods.recurrent.network import (
-    GarmentSize,
-    RecurrentConfig,
-    RecurrentNetwork,
-    RecurrentNetworks,
-)
+from uvcloth.methods.recurrent.network import RecurrentConfig, RecurrentNetwork, RecurrentNetworks
 
 from ..loop import Objective, training_device
 from .windows import SKIN_EVERY, Fitted, GarmentRuns, Windows
@@ -66,11 +61,11 @@ class Start:
     def fitted(self) -> dict[str, Fitted]:
         """The statistics of its garments."""
         networks = self.method.networks
-        return {name: Fitted.of(networks.part(name)) for name in networks}
+        return {name: Fitted.of(networks.of(name)) for name in networks}
 
 
 class RecurrentObjective(Objective):
-    """A network of several garments, each on runs of its own."""
+    """Networks of several garments, each on runs of its own."""
 
     def __init__(
         self,
@@ -95,24 +90,20 @@ class RecurrentObjective(Objective):
         return self._samples
 
     def networks(self) -> dict[str, nn.Module]:
-        """The network, with the garments' shapes, and inputs scaled to the data."""
+        """A network for each garment, with its shapes, and inputs scaled to the data."""
         joints = len(self.body.skeleton.heads)
-        sizes = {
-            name: GarmentSize(len(runs.fitted.mean), *runs.corners.shape) for name, runs in self.runs.items()
-        }
-        net = RecurrentNetworks(self.config, joints, sizes)
+        nets: dict[str, nn.Module] = {}
         for name, runs in self.runs.items():
-            part = net.part(name)
+            net = RecurrentNetwork(self.config, joints, len(runs.fitted.mean), *runs.corners.shape)
             for key, value in vars(runs.fitted).items():
-                getattr(part, key).copy_(value)
-            part.extremes.copy_(runs.extremes())
-            part.corners.copy_(runs.corners)
-            part.shares.copy_(runs.shares)
+                getattr(net, key).copy_(value)
+            net.extremes.copy_(runs.extremes())
+            net.corners.copy_(runs.corners)
+            net.shares.copy_(runs.shares)
             if self.start is not None:
-                part.load_state_dict(self.start.method.networks.part(name).state_dict())
-        if self.start is not None:
-            net.trunk.load_state_dict(self.start.method.networks.trunk.state_dict())
-        return {"net": net}
+                net.load_state_dict(self.start.method.networks.of(name).state_dict())
+            nets[name] = net
+        return {"net": RecurrentNetworks(nets)}
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
@@ -121,17 +112,13 @@ class RecurrentObjective(Objective):
         parts: dict[str, Tensor] = {}
         # Windows may start anywhere between the places of two rows, in runs that came later as well.
         places = (rows + torch.rand(len(rows), device=rows.device)) / len(self._samples)
-        drawn = {name: runs.draw(places.to(self.device)) for name, runs in self.runs.items()}
-        noisy = {
-            name: some.inputs + self.losses.noise * torch.randn_like(some.inputs)
-            for name, some in drawn.items()
-        }
-        weights = networks["net"](noisy, {name: some.conditions for name, some in drawn.items()})
-        for name, some in drawn.items():
-            scored = weights[name].float()[:, self.losses.unscored :]
+        for name, runs in self.runs.items():
+            some = runs.draw(places.to(self.device))
+            inputs = some.inputs + self.losses.noise * torch.randn_like(some.inputs)
+            weights = networks["net"](name, inputs, some.conditions)
+            scored = slice(self.losses.unscored, None)
             predicted, truth = (
-                1000.0 * self._units[name] * each
-                for each in (scored, some.weights[:, self.losses.unscored :])
+                1000.0 * self._units[name] * each[:, scored] for each in (weights, some.weights)
             )
             wrong = predicted - truth
             parts[f"{name}_shape"] = _length(wrong)
@@ -139,7 +126,7 @@ class RecurrentObjective(Objective):
             if self.losses.speed > 0:
                 parts[f"{name}_speed"] = self.losses.speed * speed_error(predicted, truth)
             if self.losses.skin > 0:
-                inside = self.runs[name].fitted.inside(scored[:, ::SKIN_EVERY], some.skin, MARGIN)
+                inside = runs.fitted.inside(weights[:, scored][:, ::SKIN_EVERY].float(), some.skin, MARGIN)
                 parts[f"{name}_skin"] = 1000.0 * self.losses.skin * inside.mean()
         yield "net", torch.stack(list(parts.values())).sum(), parts
 

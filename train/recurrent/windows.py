@@ -15,7 +15,7 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.mesh import welded
 from uvcloth.geometry.mirror import mirror_transforms
 from uvcloth.methods.recurrent.body_motion import body_motion
-from uvcloth.methods.recurrent.network import GarmentPart
+from uvcloth.methods.recurrent.network import RecurrentNetwork
 
 from .cage_runs import VALIDATION, CageRun, load_run, reference_cage, run_files
 from .motions import FPS
@@ -54,7 +54,7 @@ class Fitted:
     """Statistics of runs.
 
     center, spread: (C,) of the body's motion. usual, scale: (S,) of the condition, see
-    GarmentPart. mean: (n, 3) m, of the cage at rest. shapes: (K, n, 3) m,
+    RecurrentNetwork. mean: (n, 3) m, of the cage at rest. shapes: (K, n, 3) m,
     orthogonal, all of one length; of the first the weights have variance one.
     """
 
@@ -66,9 +66,9 @@ class Fitted:
     shapes: Tensor
 
     @classmethod
-    def of(cls, part: GarmentPart) -> "Fitted":
+    def of(cls, network: RecurrentNetwork) -> "Fitted":
         """The statistics that a network was trained with."""
-        return cls(**{each.name: getattr(part, each.name) for each in fields(cls)})
+        return cls(**{each.name: getattr(network, each.name) for each in fields(cls)})
 
     def to(self, device: torch.device) -> "Fitted":
         """The statistics on a device."""

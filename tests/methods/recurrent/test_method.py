@@ -22,8 +22,8 @@ from uvcloth.methods.recurrent.body_motion import body_motion, held_still
 from uvcloth.methods.recurrent.method import Recurrent, load_recurrent, recurrent_checkpoint
 from uvcloth.methods.recurrent.network import (
     TICK,
-    GarmentSize,
     RecurrentConfig,
+    RecurrentNetwork,
     RecurrentNetworks,
 )
 from uvcloth.motion.library import load_clip
@@ -43,17 +43,19 @@ def outfit(body: Body) -> Outfit:
 def method(outfit: Outfit) -> Recurrent:
     """Networks with random weights, whose shapes move centimetres; the cages are a few of the vertices."""
     generator = torch.Generator().manual_seed(5)
-    sizes = {garment.name: GarmentSize(40, len(garment.mesh.vertices)) for garment in outfit.garments}
-    networks = RecurrentNetworks(CONFIG, len(outfit.body.skeleton.names), sizes).eval()
-    for name, size in sizes.items():
-        part = networks.part(name)
-        part.spread.fill_(3.0)
-        part.scale.fill_(1.0)
-        part.shapes.copy_(0.02 * torch.randn(3, 40, 3, generator=generator))
-        part.extremes.copy_(torch.randn(6, 3, generator=generator))
-        part.corners.copy_(torch.randint(40, (size.vertices, 3), generator=generator))
-        part.shares.fill_(1.0 / 3.0)
-    return Recurrent(CONFIG, networks)
+    networks: dict[str, RecurrentNetwork] = {}
+    joints = len(outfit.body.skeleton.names)
+    for garment in outfit.garments:
+        count = len(garment.mesh.vertices)
+        network = RecurrentNetwork(CONFIG, joints, cage=40, vertices=count)
+        network.spread.fill_(3.0)
+        network.scale.fill_(1.0)
+        network.shapes.copy_(0.02 * torch.randn(3, 40, 3, generator=generator))
+        network.extremes.copy_(torch.randn(6, 3, generator=generator))
+        network.corners.copy_(torch.randint(40, (count, 3), generator=generator))
+        network.shares.fill_(1.0 / 3.0)
+        networks[garment.name] = network.eval()
+    return Recurrent(CONFIG, RecurrentNetworks(networks))
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +71,7 @@ def garments_of(method: Recurrent, outfit: Outfit, transforms: Tensor, fps: floa
 
 def test_frame_by_frame_is_the_sequence_that_was_trained(method: Recurrent) -> None:
     network = method.networks.of("tops")
-    inputs, condition = torch.randn(2, 9, len(network.part.center)), torch.randn(len(network.part.usual))
+    inputs, condition = torch.randn(2, 9, len(network.center)), torch.randn(len(network.usual))
     told = network.conditioned(condition)
     with torch.no_grad():
         hidden, stepped = torch.zeros(2, CONFIG.width), []
@@ -78,17 +80,17 @@ def test_frame_by_frame_is_the_sequence_that_was_trained(method: Recurrent) -> N
             stepped.append(weights)
         expected = network(inputs, condition.expand(2, -1))
         torch.testing.assert_close(torch.stack(stepped, 1), expected, atol=1e-5, rtol=0)
-        plain = network(inputs, network.part.usual.expand(2, -1))
+        plain = network(inputs, network.usual.expand(2, -1))
         assert float((plain - expected).abs().max()) > 1e-3
 
 
 def test_half_ticks_lead_where_whole_ones_do(method: Recurrent) -> None:
     """Exactly so where what the state tends to is constant; at another frame rate it is the same motion."""
-    network = RecurrentNetworks(CONFIG, 2, {"sheet": GarmentSize(1, 1)}).of("sheet").eval()
+    network = RecurrentNetwork(CONFIG, 2, 1, 1).eval()
     network.load_state_dict(
         {key: 0.0 * value if "hh" in key else value for key, value in network.state_dict().items()}
     )
-    inputs, start = torch.randn(4, len(network.part.center)), torch.randn(4, CONFIG.width)
+    inputs, start = torch.randn(4, len(network.center)), torch.randn(4, CONFIG.width)
     with torch.no_grad():
         half = network.step(inputs, network.step(inputs, start, 0.5)[1], 0.5)[1]
         torch.testing.assert_close(half, network.step(inputs, start, 1.0)[1], atol=1e-5, rtol=0)
@@ -121,10 +123,12 @@ def test_garments_move_on_after_a_stop_by_their_memory_alone(
     method: Recurrent, outfit: Outfit, stopping: Tensor
 ) -> None:
     config = replace(CONFIG, memory=False)
-    sizes = {name: GarmentSize(40, len(method.networks.part(name).corners)) for name in method.networks}
-    forgetful = RecurrentNetworks(config, len(stopping[0]), sizes).eval()
-    forgetful.load_state_dict(method.networks.state_dict())
-    without = Recurrent(config, forgetful)
+    forgetful: dict[str, RecurrentNetwork] = {}
+    for garment in outfit.garments:
+        own = method.networks.of(garment.name)
+        forgetful[garment.name] = RecurrentNetwork(config, len(stopping[0]), 40, len(own.corners))
+        forgetful[garment.name].load_state_dict(own.state_dict())
+    without = Recurrent(config, RecurrentNetworks(forgetful))
     standing = int((stopping.diff(dim=0).abs().amax((1, 2, 3)) > 1e-6).nonzero().max()) + 4
     for each, moves in ((method, True), (without, False)):
         after = garments_of(each, outfit, stopping)[0][standing:]
@@ -180,11 +184,11 @@ def test_a_saved_model_moves_the_same(
     ):
         assert float((own - read).norm(dim=-1).max()) < 1e-3  # Half precision.
     broken = recurrent_checkpoint(method, outfit.body, TrainingData(), {})
-    broken.tensors["parts.tops.corners"][0, 0] = 40
+    broken.tensors["tops.corners"][0, 0] = 40
     save_checkpoint(broken, tmp_path)
     with pytest.raises(InputError, match="corner"):
         load_recurrent(load_checkpoint(tmp_path, outfit.body), tmp_path)
-    broken.tensors["parts.tops.corners"][0, 0] = 0
+    broken.tensors["tops.corners"][0, 0] = 0
 
 
 def test_other_garments_are_refused_by_name(method: Recurrent, body: Body) -> None:

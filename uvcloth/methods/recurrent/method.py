@@ -37,7 +37,6 @@ from uvcloth.methods.recurrent.body_motion import OF_ROOT, PER_JOINT, body_motio
 from uvcloth.methods.recurrent.condition import condition
 from uvcloth.methods.recurrent.network import (
     TICK,
-    GarmentSize,
     RecurrentConfig,
     RecurrentNetwork,
     RecurrentNetworks,
@@ -72,7 +71,7 @@ class RecurrentGarment:
 
 @dataclass(frozen=True)
 class Recurrent(Method, Riggable, Swinging):
-    """A recurrent network of some templates, on any body of the skeleton that it was trained on.
+    """A recurrent network for each of some templates, on any body of the skeleton that it was trained on.
 
     dynamics: factor of what is due to motion, see ScaledNetwork.
     """
@@ -90,13 +89,13 @@ class Recurrent(Method, Riggable, Swinging):
     @classmethod
     def untrained(cls, config: RecurrentConfig) -> "Recurrent":
         """The method without a garment; training gives it some."""
-        return cls(config, RecurrentNetworks(config, 0, {}))
+        return cls(config, RecurrentNetworks())
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """The reason that it cannot dress an outfit: it is for the meshes of its templates."""
         for garment in outfit.garments:
             known = garment.source == "template" and garment.name in self.networks
-            if not known or len(garment.mesh.vertices) != len(self.networks.part(garment.name).corners):
+            if not known or len(garment.mesh.vertices) != len(self.networks.of(garment.name).corners):
                 names = ", ".join(self.networks) or "no garment yet"
                 return f"garment {garment.name}: model {self.name} is for the templates {names}"
         return ""
@@ -150,8 +149,9 @@ class Recurrent(Method, Riggable, Swinging):
     def _prepared(self, garment: Garment, body: Body, device: torch.device) -> RecurrentGarment:
         told = self.networks.of(garment.name).conditioned(condition(body, garment.fabric))
         network: RecurrentNetwork = for_inference(told, device)
-        part = network.part
-        mean, shapes = (gather(values, part.corners, part.shares).mT for values in (part.mean, part.shapes))
+        mean, shapes = (
+            gather(values, network.corners, network.shares).mT for values in (network.mean, network.shapes)
+        )
         return RecurrentGarment(
             network=ScaledNetwork(network, self.dynamics),
             rest=garment.mesh.vertices.to(device).T + mean,
@@ -200,31 +200,31 @@ def load_recurrent(checkpoint: Checkpoint, folder: Path) -> Recurrent:
     try:
         config = stored_config(checkpoint, RecurrentConfig)
         tensors = from_eight_bits(checkpoint.tensors)
-        sizes = {name: _size(tensors, name) for name in checkpoint.garments}
-        joints = (tensors["trunk.motion.weight"].shape[1] - OF_ROOT) // PER_JOINT
+        sizes = {name: _sizes(tensors, name) for name in checkpoint.garments}
 
         def create() -> RecurrentNetworks:
-            return RecurrentNetworks(config, joints, sizes)
+            return RecurrentNetworks({name: RecurrentNetwork(config, *each) for name, each in sizes.items()})
 
         require_weights_of(create, tensors)
         networks = create()
         networks.load_state_dict(tensors)
         for name in networks:
-            networks.part(name).require_corners()
+            networks.of(name).require_corners()
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise misfit(folder, error) from error
     return Recurrent(config, networks.eval())
 
 
-def _size(tensors: Mapping[str, Tensor], name: str) -> GarmentSize:
-    """The numbers of a garment in the tensors of a checkpoint."""
-    vertices, around = tensors[f"parts.{name}.corners"].shape
-    return GarmentSize(len(tensors[f"parts.{name}.mean"]), vertices, around)
+def _sizes(tensors: Mapping[str, Tensor], name: str) -> tuple[int, int, int, int]:
+    """Joints, vertices of the cage and of a garment, and corners of each, of the tensors of a checkpoint."""
+    joints = (len(tensors[f"{name}.center"]) - OF_ROOT) // PER_JOINT
+    vertices, around = tensors[f"{name}.corners"].shape
+    return joints, len(tensors[f"{name}.mean"]), vertices, around
 
 
 PRESETS: dict[str, RecurrentConfig] = {
     "default": RecurrentConfig(),
-    "gpu": RecurrentConfig(shapes=128, width=512, dropout=0.05),
+    "gpu": RecurrentConfig(),
     "tiny": RecurrentConfig(shapes=4, width=8),
 }
 

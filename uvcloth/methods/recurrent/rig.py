@@ -31,10 +31,10 @@ class RecurrentRig(BlendRig):
 
         Where dynamics are larger, they are as much farther from their mean.
         """
-        most = max(len(each.network.part.extremes) for each in self.networks)
+        most = max(len(each.network.extremes) for each in self.networks)
         rows = []
         for each in self.networks:
-            extremes = each.network.part.extremes
+            extremes = each.network.extremes
             spread = torch.lerp(extremes.mean(0), extremes, max(1.0, each.dynamics))
             rows.append(spread[torch.arange(most) % len(spread)])
         return torch.cat(rows, dim=1)

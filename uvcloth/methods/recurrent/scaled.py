@@ -27,7 +27,7 @@ class ScaledNetwork:
     @property
     def memory(self) -> int:
         """Numbers that are remembered: where dynamics are scaled, those of the network held still as well."""
-        return self.network.remembered * (1 if self.dynamics == 1.0 else 2)
+        return self.network.unit.hidden_size * (1 if self.dynamics == 1.0 else 2)
 
     def at_rest(self, motion: Tensor) -> Tensor:
         """Memory (B, M) of bodies that have stood still in the poses of a motion (B, C)."""
