@@ -172,18 +172,18 @@ def simulate_cage(
             offset = reference.at_cage(garment.cage.at_garment(offset))
             base = reference.at_cage(skin(garment.mesh.points, garment.weights, transform[None])[0])
             surface.update(vertices)
-            near.append(_planes(surface.closest(base + offset, NEAR)))
+            near.append(planes_of(surface.closest(base + offset, NEAR)))
             offsets.append(offset)
         turns = blend_transforms(blend, some)[..., :3]
-        resting.append(_resting(turns, torch.stack(offsets)))
-        skins.append(_at_rest(turns, torch.stack(near), resting[-1]))
+        resting.append(offsets_at_rest(turns, torch.stack(offsets)))
+        skins.append(planes_at_rest(turns, torch.stack(near), resting[-1]))
     stacked = torch.cat(resting)
     if not torch.isfinite(stacked).all():
         raise FloatingPointError("cloth flew apart")
     return stacked, torch.cat(skins), blend
 
 
-def _planes(points: SurfacePoints) -> Tensor:
+def planes_of(points: SurfacePoints) -> Tensor:
     """Normals of the skin closest to a cage, and distances from it: (n, 4); 0 and FAR for none."""
     near = points.faces >= 0
     normals = torch.where(near[:, None], points.normals, 0.0)
@@ -191,14 +191,14 @@ def _planes(points: SurfacePoints) -> Tensor:
     return torch.cat([normals, distances[:, None]], dim=1)
 
 
-def _at_rest(turns: Tensor, planes: Tensor, resting: Tensor) -> Tensor:
+def planes_at_rest(turns: Tensor, planes: Tensor, resting: Tensor) -> Tensor:
     """Planes (T, n, 4) that give distances of offsets at rest, from normals and distances in the world."""
     normals = rotate_back(turns, planes[..., :3])
     offsets = (normals * resting).sum(-1) - planes[..., 3]
     return torch.cat([normals, offsets[..., None]], dim=-1)
 
 
-def _resting(turns: Tensor, offsets: Tensor) -> Tensor:
+def offsets_at_rest(turns: Tensor, offsets: Tensor) -> Tensor:
     """Offsets (T, n, 3) m before skinning turns them, the least ones where it is nearly flat."""
     first, second, third = turns.unbind(-1)
     cross = torch.linalg.cross
