@@ -58,10 +58,8 @@ def fine_run(path: Path, clip: SimulatedClip, body: Body, quality: str, referenc
     (simulated,) = clip.garments
     garment = load_garment(simulated.name, body)
     require_rests({garment.name: garment.mesh.vertices}, [clip], body)
-    places = welded(garment.mesh.vertices, garment.mesh.faces).places
-    vertex = torch.zeros(int(places.max()) + 1, dtype=torch.int64)
-    vertex[places] = torch.arange(len(places))
-    points, weights = garment.mesh.vertices[vertex], garment.weights[vertex]
+    vertex = welded(garment.mesh.vertices, garment.mesh.faces).kept
+    points, weights = garment.mesh.vertices[vertex], garment.smooth_weights[vertex]
     blend = reference.at_cage(weights)
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
     resting, skins = [], []
