@@ -32,3 +32,12 @@ def test_differences_are_first_ends_less_second_ends() -> None:
     matrix = torch.tensor([[1.0, -1.0, 0.0], [-1.0, 0.0, 1.0], [0.0, 1.0, -1.0]])
     slope, found = backwards(operator, 3)
     torch.testing.assert_close(found, matrix.T @ slope)
+
+
+def test_operators_are_made_on_the_device_of_their_entries() -> None:
+    """As on a GPU: the entries are on another device than new tensors are by default."""
+    entries, shares = torch.tensor([[0, 2], [1, 1]]), torch.ones(2, 2)
+    with torch.device("meta"):
+        made = (sampling(entries, shares, 3), differences(entries, 3))
+    assert all(operator.matrix.device == entries.device for operator in made)
+    torch.testing.assert_close(made[1](VALUES), differences(entries, 3)(VALUES))

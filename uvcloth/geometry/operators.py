@@ -47,13 +47,13 @@ class Operator:
 
 def sampling(indices: Tensor, shares: Tensor, columns: int) -> Operator:
     """Weighted sums: row n adds shares (N, S) of the columns indices (N, S)."""
-    rows = torch.arange(len(indices)).repeat_interleave(indices.shape[1])
+    rows = torch.arange(len(indices), device=indices.device).repeat_interleave(indices.shape[1])
     return _operator(rows, indices.flatten(), shares.flatten(), (len(indices), columns))
 
 
 def differences(edges: Tensor, columns: int) -> Operator:
     """First end minus second end of every edge (E, 2)."""
-    ends = torch.tensor([1.0, -1.0]).expand(len(edges), 2)
+    ends = torch.tensor([1.0, -1.0], device=edges.device).expand(len(edges), 2)
     return sampling(edges, ends, columns)
 
 
@@ -62,7 +62,11 @@ def _operator(rows: Tensor, columns: Tensor, values: Tensor, shape: tuple[int, i
 
     def compressed(first: Tensor, second: Tensor, size: tuple[int, int]) -> Tensor:
         sparse = torch.sparse_coo_tensor(
-            torch.stack([first, second]), values.float(), size, check_invariants=False
+            torch.stack([first, second]),
+            values.float(),
+            size,
+            device=values.device,
+            check_invariants=False,
         )
         return sparse.coalesce().to_sparse_csr()
 
