@@ -25,7 +25,7 @@ from .objective import RecurrentLosses, RecurrentObjective, Start
 LOOPS: dict[str, LoopConfig] = {
     "default": LoopConfig(steps=2000, batch=12, weight_decay=0.01, validate_every=250, keep="last"),
     "gpu": LoopConfig(
-        steps=20000, batch=128, learning_rate=1.5e-3, weight_decay=0.01, validate_every=1000, keep="best"
+        steps=7800, batch=192, learning_rate=1.5e-3, weight_decay=0.01, validate_every=400, keep="best"
     ),
     "tiny": LoopConfig(steps=4, batch=2, validate_every=2, average=0.9),
 }
