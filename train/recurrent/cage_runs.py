@@ -161,29 +161,43 @@ def simulate_cage(
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
     resting, skins, state = [], [], None
     for some in transforms.split(POSED_AT_ONCE):
-        offsets, near = [], []
-        for transform, vertices in zip(some, posed_skin(body, some), strict=True):
+        offsets, posed = [], posed_skin(body, some)
+        for transform, vertices in zip(some, posed, strict=True):
             targets = prepared.skinned_cages(transform)
             if state is None:
                 state = dressed(prepared, body, transform)
             else:
                 state = next_frame(prepared, state, prepared.collider(vertices), targets, 0.0, FPS)
             offset = torch.from_numpy((state.cloth.vertices() - targets).astype(np.float32))
-            offset = reference.at_cage(garment.cage.at_garment(offset))
-            base = reference.at_cage(skin(garment.mesh.points, garment.weights, transform[None])[0])
-            surface.update(vertices)
-            near.append(planes_of(surface.closest(base + offset, NEAR)))
-            offsets.append(offset)
+            offsets.append(reference.at_cage(garment.cage.at_garment(offset)))
+        base = reference.at_cage(skin(garment.mesh.points, garment.weights, some))
         turns = blend_transforms(blend, some)[..., :3]
-        resting.append(offsets_at_rest(turns, torch.stack(offsets)))
-        skins.append(planes_at_rest(turns, torch.stack(near), resting[-1]))
+        rows = at_rest(turns, base, torch.stack(offsets), surface, posed)
+        resting.append(rows[0])
+        skins.append(rows[1])
     stacked = torch.cat(resting)
     if not torch.isfinite(stacked).all():
         raise FloatingPointError("cloth flew apart")
     return stacked, torch.cat(skins), blend
 
 
-def planes_of(points: SurfacePoints) -> Tensor:
+def at_rest(
+    turns: Tensor, base: Tensor, offsets: Tensor, surface: BodySurface, posed: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Offsets (T, n, 3) and planes of the skin (T, n, 4) of a run at rest, see CageRun.
+
+    turns: (T, n, 3, 3) of skinning. base: (T, n, 3) m, skinned points; cloth is offsets (T, n, 3) off them.
+    surface: the body's, which is put into the poses (T, V, 3).
+    """
+    near = []
+    for points, vertices in zip(base + offsets, posed, strict=True):
+        surface.update(vertices)
+        near.append(_planes(surface.closest(points, NEAR)))
+    resting = _resting(turns, offsets)
+    return resting, _planes_at_rest(turns, torch.stack(near), resting)
+
+
+def _planes(points: SurfacePoints) -> Tensor:
     """Normals of the skin closest to a cage, and distances from it: (n, 4); 0 and FAR for none."""
     near = points.faces >= 0
     normals = torch.where(near[:, None], points.normals, 0.0)
@@ -191,14 +205,14 @@ def planes_of(points: SurfacePoints) -> Tensor:
     return torch.cat([normals, distances[:, None]], dim=1)
 
 
-def planes_at_rest(turns: Tensor, planes: Tensor, resting: Tensor) -> Tensor:
+def _planes_at_rest(turns: Tensor, planes: Tensor, resting: Tensor) -> Tensor:
     """Planes (T, n, 4) that give distances of offsets at rest, from normals and distances in the world."""
     normals = rotate_back(turns, planes[..., :3])
     offsets = (normals * resting).sum(-1) - planes[..., 3]
     return torch.cat([normals, offsets[..., None]], dim=-1)
 
 
-def offsets_at_rest(turns: Tensor, offsets: Tensor) -> Tensor:
+def _resting(turns: Tensor, offsets: Tensor) -> Tensor:
     """Offsets (T, n, 3) m before skinning turns them, the least ones where it is nearly flat."""
     first, second, third = turns.unbind(-1)
     cross = torch.linalg.cross

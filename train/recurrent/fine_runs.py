@@ -39,13 +39,10 @@ from uvcloth.physics.surface import BodySurface
 from uvcloth.process.command import run_command
 
 from .cage_runs import (
-    NEAR,
     POSED_AT_ONCE,
     VALIDATION,
     CageRun,
-    offsets_at_rest,
-    planes_at_rest,
-    planes_of,
+    at_rest,
     reference_cage,
     run_file,
     save_run,
@@ -68,13 +65,10 @@ def fine_run(path: Path, clip: SimulatedClip, body: Body, quality: str, referenc
     ):
         base = skin(points, weights, some)
         offsets = reference.at_cage(cloth[:, vertex].float() - base)
-        near = []
-        for at, vertices in zip(reference.at_cage(base) + offsets, posed_skin(body, some), strict=True):
-            surface.update(vertices)
-            near.append(planes_of(surface.closest(at, NEAR)))
         turns = blend_transforms(blend, some)[..., :3]
-        resting.append(offsets_at_rest(turns, offsets))
-        skins.append(planes_at_rest(turns, torch.stack(near), resting[-1]))
+        rows = at_rest(turns, reference.at_cage(base), offsets, surface, posed_skin(body, some))
+        resting.append(rows[0])
+        skins.append(rows[1])
     return CageRun(
         garment=garment.name,
         quality=quality,
@@ -124,9 +118,10 @@ class FineRuns:
     def _missing(self) -> Iterator[tuple[Path, Path, SimulatedClip]]:
         """Sequence, file of its run, and clip; runs are numbered as the sequences are, by name."""
         sources = [path for folder in self.sequences for path in sorted(folder.glob(f"*_{self.garment}.npz"))]
+        indexes = {folder: read_index(folder / INDEX) for folder in self.sequences}
         for number in range(self.first, len(sources), self.every):
             source = sources[number]
-            entries = read_index(source.parent / INDEX)
+            entries = indexes[source.parent]
             clip_name = source.stem.removesuffix(f"_{self.garment}")
             split = entries[clip_name].split if clip_name in entries else ""
             folder = {"train": self.data, "validation": self.data / VALIDATION}.get(split)
