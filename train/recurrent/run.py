@@ -42,7 +42,7 @@ class RecurrentRun:
     """Train recurrent rigs: the body's motion in, weights of blend shapes out."""
 
     data: Annotated[tuple[Path, ...], FOLDER, Several()]
-    """Folders made by `python -m train.recurrent.cage_runs`, each of one garment."""
+    """Folders made by `python -m train.recurrent.cage_runs` or `fine_runs`, each of one garment."""
     out: Annotated[Path, NewFolder()]
     """Folder of the run: checkpoint, training state, TensorBoard."""
     preset: str = "default"
