@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -37,6 +37,7 @@ from ..loop import Objective
 from .energy import EnergyConfig, PBNSEnergy
 from .poses import Poses
 from .smoothing import GradientSmoothing
+from .supervision import SettledPoses, Supervision
 
 SMOOTHING = 0.5
 """Share of the blend shapes' gradient that is smoothed over the garment."""
@@ -82,8 +83,9 @@ class PBNSObjective(Objective):
     """Energies of an outfit on one body over a database of poses (PBNS section 3.3).
 
     batch: poses in a step. smoothing: share of the blend shapes' gradient that is smoothed, as in
-    `GradientSmoothing`. Raises InputError for layers that cross at rest, pins that name no vertex, a share
-    that is not valid, and a database without training or validation poses.
+    `GradientSmoothing`. supervision: beside the energies, None for physics alone. Raises InputError for
+    layers that cross at rest, pins that name no vertex, a share that is not valid, and a database without
+    training or validation poses.
     """
 
     def __init__(
@@ -97,6 +99,7 @@ class PBNSObjective(Objective):
         batch: int,
         smoothing: float = SMOOTHING,
         device: torch.device = CPU,
+        supervision: Supervision | None = None,
     ) -> None:
         self.config, self.fabric, self.attachment, self.outfit = config, fabric, attachment, outfit
         self.data, self.batch, self.device = poses.data, batch, device
@@ -122,6 +125,7 @@ class PBNSObjective(Objective):
         pins = owner[held].unique()
         self.energy = PBNSEnergy(outfit.body, self.points, self.faces, pins, fabric, energy, batch, device)
         self.caches = empty_cache(len(self.poses.vectors), len(self.points), device)
+        self.supervision = None if supervision is None else _of_points(supervision, first_of(owner), device)
 
     @property
     def samples(self) -> Tensor:
@@ -143,11 +147,16 @@ class PBNSObjective(Objective):
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
-        """The potential energy of a batch of poses, mJ each (paper eq. 3, and the pins)."""
+        """The potential energy of a batch of poses, mJ each (paper eq. 3, and the pins), and supervision."""
         cache = ClosestPointCache(self.caches.points[rows], self.caches.clearance[rows])
         deformed, posed = self.pose(networks["net"], self.poses, rows)
         parts = self._energies(deformed, posed, self.poses.transforms[rows], cache)
         self.caches.points[rows], self.caches.clearance[rows] = cache.points, cache.clearance
+        if self.supervision is not None:
+            settled = self.supervision.training
+            drawn = torch.randint(len(settled.rows), (len(rows),))
+            weight = self.supervision.config.supervision
+            parts["settled"] = weight * self._distance(networks["net"], self.poses, settled.some(drawn))
         yield "net", torch.stack(list(parts.values())).sum(), parts
 
     def pose(self, net: Any, poses: Posed, rows: Tensor) -> tuple[Tensor, Tensor]:
@@ -155,6 +164,11 @@ class PBNSObjective(Objective):
         deformed, weights = net(poses.vectors[rows])
         blended = blend_transforms(weights, poses.transforms[rows])
         return deformed, apply_transforms(blended, self.points + deformed)
+
+    def _distance(self, net: Any, poses: Posed, settled: SettledPoses) -> Tensor:
+        """Mean distance to an outfit at rest, mm: ()."""
+        _, posed = self.pose(net, poses, settled.rows)
+        return MILLI * (posed - settled.vertices).norm(dim=-1).mean()
 
     def _energies(
         self, deformed: Tensor, posed: Tensor, transforms: Tensor, cache: ClosestPointCache | None
@@ -169,7 +183,7 @@ class PBNSObjective(Objective):
 
         energy_mJ: of the outfit. edge_mm, bend_rad, bend_cos: see uvcloth.physics.measures. inside_percent:
         of vertices, as the evaluation counts it. layers_percent: of an outer garment's vertices over an inner
-        one that are on its wrong side.
+        one that are on its wrong side. settled_mm: mean distance to the outfit at rest, where it is known.
         """
         stride = math.ceil(len(self.held.vectors) / VALIDATION_POSES)
         rows = torch.arange(0, len(self.held.vectors), stride, device=self.held.vectors.device)
@@ -179,10 +193,13 @@ class PBNSObjective(Objective):
             parts = self._energies(deformed, vertices, self.held.transforms[some], None)
             energies.append(len(some) * torch.stack(list(parts.values())).sum())
             posed.append(vertices)
-        return {
+        scores = {
             "energy_mJ": float(torch.stack(energies).sum()) / len(rows),
             **self.measure(torch.cat(posed), self.held.transforms[rows]),
         }
+        if self.supervision is not None and len(self.supervision.held.rows):
+            scores["settled_mm"] = float(self._distance(net, self.held, self.supervision.held))
+        return scores
 
     def measure(self, posed: Tensor, transforms: Tensor) -> dict[str, float]:
         """The measures of outfits (B, U, 3) m on the body at transforms (B, J, 3, 4), see `validate`."""
@@ -269,7 +286,17 @@ class PBNSObjective(Objective):
             "energy": asdict(self.energy.config),
             "attachment": asdict(self.attachment),
             "smoothing": self.smoothing.share,
+            "supervision": None if self.supervision is None else asdict(self.supervision.config),
         }
+
+
+def _of_points(supervision: Supervision, points: Tensor, device: torch.device) -> Supervision:
+    """Supervision of some of the vertices (U,) of an outfit, on a device."""
+    training, held = (
+        to_device(replace(settled, vertices=settled.vertices[:, points]), device)
+        for settled in (supervision.training, supervision.held)
+    )
+    return replace(supervision, training=training, held=held)
 
 
 def held_vertices(outfit: Outfit, attachment: AttachmentConfig) -> Tensor:

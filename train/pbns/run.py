@@ -22,6 +22,7 @@ from ..trainer import TrainerEntry
 from .energy import EnergyConfig, FabricOptions
 from .objective import SMOOTHING, AttachmentConfig, PBNSObjective, held_vertices
 from .poses import poses_for
+from .supervision import SupervisionConfig, settle_poses
 
 LOOPS: dict[str, LoopConfig] = {
     "default": LoopConfig(steps=2500, batch=16, weight_decay=0.0, validate_every=500, keep="last"),
@@ -40,7 +41,7 @@ LOOPS: dict[str, LoopConfig] = {
 
 @dataclass(frozen=True)
 class PBNSRun:
-    """Train PBNS on a garment or an outfit, on physics alone, without sequences."""
+    """Train PBNS on a garment or an outfit, on physics and on the outfit at rest, without sequences."""
 
     garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ..."), GARMENT, Several(least=1)]
     """Templates (tops, bottoms, dress) or garment files, the innermost first."""
@@ -63,6 +64,7 @@ class PBNSRun:
     smoothing: Annotated[float, Between(0, 1)] = SMOOTHING
     """Share of the blend shapes' gradient that is smoothed over the garment (paper: 0)."""
     attachment: OmitArgPrefixes[AttachmentConfig] = field(default_factory=AttachmentConfig)
+    supervision: OmitArgPrefixes[SupervisionConfig] = field(default_factory=SupervisionConfig)
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=lambda: LOOPS["default"])
 
     def train(self) -> dict[str, float]:
@@ -74,6 +76,7 @@ class PBNSRun:
         # Drawing poses takes minutes: a garment without a hem that holds it is refused before.
         held_vertices(outfit, self.attachment)
         poses = poses_for(self.poses, body, self.out)
+        supervision = settle_poses(self.supervision, outfit, fabric, poses.database, self.out)
         objective = PBNSObjective(
             self.network,
             fabric,
@@ -84,6 +87,7 @@ class PBNSRun:
             self.loop.batch,
             self.smoothing,
             training_device(),
+            supervision,
         )
         return fit(objective, self.out, self.loop, resume=self.resume)
 
@@ -95,6 +99,7 @@ ENTRY = TrainerEntry(
             "network": METHOD.presets["default"],
             "energy": EnergyConfig(),
             "attachment": AttachmentConfig(),
+            "supervision": SupervisionConfig(),
             "loop": LOOPS["default"],
         },
         "paper": {
@@ -102,12 +107,14 @@ ENTRY = TrainerEntry(
             "energy": EnergyConfig(collision=50.0, thickness=0.004, pin=2000.0, plane="vertex"),
             "smoothing": 0.0,
             "attachment": AttachmentConfig(weights="closest"),
+            "supervision": SupervisionConfig(settled=0),
             "loop": LOOPS["paper"],
         },
         "tiny": {
             "network": METHOD.presets["tiny"],
             "energy": EnergyConfig(),
             "attachment": AttachmentConfig(),
+            "supervision": SupervisionConfig(settled=2),
             "loop": LOOPS["tiny"],
         },
     },

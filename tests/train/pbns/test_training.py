@@ -22,6 +22,8 @@ from train.pbns.objective import SMOOTHING, AttachmentConfig, PBNSObjective
 from train.pbns.poses import POSES_FILE, Poses, poses_for
 from train.pbns.run import LOOPS
 from train.pbns.smoothing import GradientSmoothing
+from train.pbns.supervision import SettledPoses, Supervision, SupervisionConfig, settle_poses
+from train.settled import SETTLED_FILE, Settled
 from train.state import STATE
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, load_checkpoint, load_tensors
@@ -34,6 +36,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.methods.pbns.network import PBNSConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.poses import save_poses
+from uvcloth.physics.fabric import find_fabric
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.posed_batch import empty_cache
 from uvcloth.physics.surface import FREE
@@ -74,6 +77,7 @@ def objective_of(
     attachment: AttachmentConfig = FREELY,
     kind: type[PBNSObjective] = Quick,
     smoothing: float = SMOOTHING,
+    supervision: Supervision | None = None,
     **changed: Any,
 ) -> PBNSObjective:
     database = database_of(outfit.body)
@@ -86,7 +90,20 @@ def objective_of(
         Poses(database, TrainingData({"poses.npz": "abc"})),
         LOOP.batch,
         smoothing,
+        supervision=supervision,
     )
+
+
+def lowered(outfit: Outfit, by: float) -> Supervision:
+    """Supervision that has the skinned outfit lie lower, in two poses of each split."""
+    database, skeleton = database_of(outfit.body), outfit.body.skeleton
+    weights = objective_of(outfit).networks()["net"].blend_weights().detach()
+    vertices = torch.cat([garment.mesh.vertices for garment in outfit.garments])
+    parts = []
+    for split in ("train", "validation"):
+        poses = database.of(split).transforms(skeleton)[:2]
+        parts.append(SettledPoses(torch.arange(2), skin(vertices, weights, poses) - torch.tensor([0, 0, by])))
+    return Supervision(SupervisionConfig(settled=2, supervision=50.0), *parts)
 
 
 def trained(objective: PBNSObjective, steps: int) -> tuple[list[float], Any]:
@@ -111,9 +128,13 @@ def test_resuming_is_exact_though_visits_are_forgotten(threads: int, layered: Ou
     attachment = replace(FREELY, train_weights="yes")
     parts = tmp_path / "parts"
     try:
-        fit(objective_of(layered, attachment), tmp_path / "whole", LOOP, resume=False)
-        fit(objective_of(layered, attachment), parts, replace(LOOP, steps=2), resume=False)
-        fit(objective_of(layered, attachment), parts, LOOP, resume=True)
+        for run, loop, resume in (
+            (tmp_path / "whole", LOOP, False),
+            (parts, replace(LOOP, steps=2), False),
+            (parts, LOOP, True),
+        ):
+            objective = objective_of(layered, attachment, supervision=lowered(layered, 0.01))
+            fit(objective, run, loop, resume=resume)
     finally:
         torch.set_num_threads(before)
     whole, _ = load_tensors(tmp_path / "whole" / STATE)
@@ -187,6 +208,56 @@ def test_the_loss_is_the_sum_of_its_energies_each_the_mean_over_the_poses(belt: 
     heights = skin(objective.points, net.unique_weights(), objective.poses.transforms[:1])[0, :, 2]
     expected = 1000 * 9.81 * float((objective.energy.cloth.masses * heights).sum())
     assert single[2]["gravity"].item() == pytest.approx(expected, rel=0.02)
+
+
+def test_the_outfit_at_rest_supervises_beside_the_energies(belt: Outfit) -> None:
+    alone, objective = objective_of(belt), objective_of(belt, supervision=lowered(belt, 0.02))
+    net = objective.networks()["net"]
+    with torch.no_grad():
+        net.shapes.zero_()
+    rows = torch.tensor([0, 3])
+    (_, loss, parts), (_, energy, _) = (
+        next(iter(each.steps({"net": net}, rows))) for each in (objective, alone)
+    )
+    assert parts["settled"].item() == pytest.approx(50 * 20, rel=1e-3)
+    assert loss.item() == pytest.approx(energy.item() + parts["settled"].item(), rel=1e-5)
+    scores = objective.validate(net)
+    assert scores["settled_mm"] == pytest.approx(20, rel=1e-3)
+    assert "settled_mm" not in alone.validate(net)
+    _, better = trained(objective, 60)
+    assert objective.validate(better)["settled_mm"] < 15
+    assert objective.settings()["supervision"] != alone.settings()["supervision"]
+
+
+def test_poses_of_both_splits_are_settled_in_the_fabric_of_the_training(
+    belt: Outfit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    database, silk = database_of(belt.body), find_fabric("silk")
+    asked: list[tuple[Outfit, Tensor, Path]] = []
+
+    def stand_in(outfit: Outfit, transforms: Tensor, path: Path) -> Settled:
+        asked.append((outfit, transforms, path))
+        rows = torch.tensor([0, 2, 3])
+        return Settled(rows, rows[:, None, None].expand(-1, 5, 3).float(), len(transforms))
+
+    monkeypatch.setattr("train.pbns.supervision.settled_outfit", stand_in)
+    config = SupervisionConfig(settled=3)
+    supervision = settle_poses(config, belt, silk, database, tmp_path)
+    ((outfit, transforms, path),) = asked
+    assert path == tmp_path / SETTLED_FILE
+    assert [garment.fabric for garment in outfit.garments] == [silk]
+    every = {split: database.of(split).transforms(belt.body.skeleton) for split in ("train", "validation")}
+    torch.testing.assert_close(transforms, torch.cat([every["train"][[0, 2, 5]], every["validation"][[0]]]))
+    assert supervision is not None
+    assert supervision.training.rows.tolist() == [0, 5]
+    assert supervision.training.vertices[:, 0, 0].tolist() == [0, 2]
+    assert supervision.held.rows.tolist() == [0]
+    assert supervision.held.vertices[:, 0, 0].tolist() == [3]
+    assert settle_poses(replace(config, settled=0), belt, silk, database, tmp_path) is None
+    nowhere = Settled(torch.zeros(0, dtype=torch.int64), torch.zeros(0, 5, 3), 4)
+    monkeypatch.setattr("train.pbns.supervision.settled_outfit", lambda *given: nowhere)
+    with pytest.raises(InputError, match=r"settled\.npz: the cloth flew apart in every pose"):
+        settle_poses(config, belt, silk, database, tmp_path)
 
 
 def test_layers_train_and_come_off_each_other(layered: Outfit) -> None:
@@ -422,6 +493,8 @@ def test_one_command_trains_a_model_that_dresses(
     assert method.name == "mine"
     clips = load_checkpoint(tmp_path / "mine").data.clips
     assert clips == {"train": {"swaying": "ann"}, "validation": {"swaying": "ann"}}
+    assert (tmp_path / "mine" / SETTLED_FILE).exists()
+    assert 1 < load_checkpoint(tmp_path / "mine").notes["validation"]["settled_mm"] < 60
     motion = swaying(3, seed=1).transforms()
     outfit = Outfit(body, (fit_template("tops", body),))
     (first, *_) = list(rollout(method, outfit, motion, 30.0, clear=False))
