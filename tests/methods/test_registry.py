@@ -1,7 +1,9 @@
 """The registry: light to import, and true about the methods behind its lines."""
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -25,6 +27,18 @@ def test_what_ships_is_registered_and_can_be_loaded() -> None:
     for folder in SHIPPED.iterdir():
         assert METHODS[folder.name].entry.load
         assert load_checkpoint(folder).method == folder.name
+
+
+@pytest.mark.parametrize("folder", sorted(SHIPPED.iterdir()), ids=lambda folder: folder.name)
+def test_what_ships_has_a_card(folder: Path) -> None:
+    card = (folder / "README.md").read_text(encoding="utf-8")
+    head = card.split("---\n")[1].splitlines()
+    for key in ("license: apache-2.0", "library_name: uvcloth", "tags: [", "datasets: [", "metrics:"):
+        assert any(line.startswith(key) for line in head), key
+    assert any(re.fullmatch(r'  - \{name: ".+", value: [0-9.]+\}', line) for line in head)
+    for heading in ("## Training", "## Error", "## Limits"):
+        assert f"\n{heading}\n" in card
+    assert f"uvcloth train {folder.name} " in card
 
 
 def test_rigs_in_help_are_those_that_ship(monkeypatch: pytest.MonkeyPatch) -> None:
