@@ -11,7 +11,9 @@ from tyro.conf import OmitArgPrefixes
 
 from uvcloth.bodies.body import load_body
 from uvcloth.commands.options import GARMENT, BodyFile
+from uvcloth.errors import InputError
 from uvcloth.files.options import Between, NewFolder, Several
+from uvcloth.garments.band import unheld_reason
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.methods.pbns.method import ENTRY as METHOD
@@ -75,6 +77,8 @@ class PBNSRun:
         outfit = Outfit(body, tuple(load_garment(name, body, say) for name in self.garment))
         # Drawing poses takes minutes: a garment without a hem that holds it is refused before.
         held_vertices(outfit, self.attachment)
+        if self.supervision.settled and (reason := unheld_reason(outfit)):
+            raise InputError(f"{reason}; --settled 0 trains it on physics alone")
         poses = poses_for(self.poses, body, self.out)
         supervision = settle_poses(self.supervision, outfit, fabric, poses.database, self.out)
         objective = PBNSObjective(

@@ -532,6 +532,16 @@ def test_what_cannot_be_trained_is_refused_and_leaves_nothing(
     assert not (tmp_path / "run").exists()
 
 
+def test_what_nothing_holds_is_refused_before_poses_are_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("train.pbns.run.unheld_reason", lambda outfit: "garment tops: has no open hem")
+    asked = ("--garment", "tops", "--preset", "tiny", "--pins", "none", "--out", tmp_path / "run")
+    with pytest.raises(InputError, match="has no open hem; --settled 0 trains it on physics alone"):
+        command(monkeypatch, *asked)
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_run_that_cannot_be_a_folder_is_refused_before_training(
     body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
