@@ -10,7 +10,7 @@ first as it was captured, then varied (`train.recurrent.motions`); sequences tha
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -30,7 +30,7 @@ from uvcloth.errors import InputError
 from uvcloth.files.atomic import make_folder
 from uvcloth.files.options import AtLeast
 from uvcloth.garments.cage import QUALITIES
-from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.methods.physics.outfit import (
     CagedOutfit,
@@ -79,50 +79,64 @@ class CageSequences:
         body = load_body(self.body)
         keep_body(body, self.data)
         config = PhysicsConfig(self.quality)
-        garments = [load_garment(name, body) for name in self.garments]
-        prepared = [make_caged_outfit(Outfit(body, (garment,)), config) for garment in garments]
+        outfits = [Outfit(body, (load_garment(name, body),)) for name in self.garments]
+        prepared = [make_caged_outfit(outfit, config) for outfit in outfits]
         motions = Motions.of_split("train", self.windows, self.clips_from, body, self.seed)
         console = Console(stderr=True)
         begun, frames = time.process_time(), 0
         for number in range(self.first, self.motions):
             entry, again = motions.entry(number), number // len(motions.entries)
             name = f"{entry.clip}_varied{again}" if again else entry.clip
-            paths = [self.data / f"{name}_{garment.name}.npz" for garment in garments]
+            paths = [self.data / f"{name}_{outfit.garments[0].name}.npz" for outfit in outfits]
             if all(path.exists() for path in paths):
                 continue
             transforms = motions.transforms(number)[: self.most_frames]
             vertices = posed_skin(body, transforms)
             labels = {"split": entry.split, "subject": entry.subject, "action": entry.action}
-            for garment, ready, path in zip(garments, prepared, paths, strict=True):
+            for outfit, ready, path in zip(outfits, prepared, paths, strict=True):
                 draped = torch.stack([cloth for (cloth,) in simulated(ready, body, transforms, vertices)])
                 if not torch.isfinite(draped).all():
                     console.print(f"{path}: cloth flew apart, it is left out")
                     continue
-                save_simulated(self._clip(name, garment, body, draped, transforms).labelled(**labels), path)
+                warm_up = min(RUN_UP, len(draped) - 1)
+                clip = cage_clip(name, outfit, [draped], transforms, warm_up, self.quality, self.seed)
+                save_simulated(clip.labelled(**labels), path)
                 frames += len(draped)
             rate = frames / (time.process_time() - begun)
             console.print(f"{name}: {frames} frames, {rate:.0f} per CPU second")
 
-    def _clip(
-        self, name: str, garment: Garment, body: Body, draped: Tensor, transforms: Tensor
-    ) -> SimulatedClip:
-        """A garment (F, N, 3) m over a motion, as a sequence holds it; its run-up is the warm-up."""
-        metadata = {
-            "clip": name,
-            "body": body.name,
-            "body_hash": body.identity.shape,
-            "seed": self.seed,
-            "engine": "cages",
-            "settings": {"quality": self.quality, "fabric": vars(garment.fabric)},
-        }
-        whole = SimulatedGarment(
+
+def cage_clip(
+    name: str,
+    outfit: Outfit,
+    draped: Sequence[Tensor],
+    transforms: Tensor,
+    warm_up: int,
+    quality: str,
+    seed: int,
+) -> SimulatedClip:
+    """The clip of an outfit on cages, each garment (F, N, 3) m."""
+    body = outfit.body
+    metadata = {
+        "clip": name,
+        "body": body.name,
+        "body_hash": body.identity.shape,
+        "seed": seed,
+        "engine": "cages",
+        "settings": {"quality": quality, "fabric": vars(outfit.garments[0].fabric)},
+        "layers": [garment.name for garment in outfit.garments],
+    }
+    garments = tuple(
+        SimulatedGarment(
             garment.name,
-            draped,
+            cloth,
             garment.mesh.faces,
             garment.mesh.vertices,
             {"template": garment.template, "source": garment.source},
         )
-        return SimulatedClip((whole,), transforms, FPS, min(RUN_UP, len(draped) - 1), metadata)
+        for garment, cloth in zip(outfit.garments, draped, strict=True)
+    )
+    return SimulatedClip(garments, transforms, FPS, warm_up, metadata)
 
 
 def simulated(
