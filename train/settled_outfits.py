@@ -22,7 +22,7 @@ import tyro
 from rich.console import Console
 from torch import Tensor
 
-from uvcloth.bodies.body import load_body
+from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.dataset.bodies import keep_body
 from uvcloth.dataset.clip import SimulatedClip
@@ -40,7 +40,7 @@ from uvcloth.process.command import run_command
 from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, on_body, outfit_files
 
 from .cage_sequences import cage_clip
-from .settled import dressed_at_rest
+from .settled import settle
 
 SETTLED = "settled"
 """Name of the clip of an outfit; that of a template is followed by its body."""
@@ -65,7 +65,7 @@ class SettledOutfits:
     wardrobe: Path
     """Folder of `uvcloth outfits`: its split `train`."""
     poses: Path
-    """Poses drawn by `uvcloth poses`: the split `train`. Those in which a body runs through itself are left out."""
+    """Poses drawn by `uvcloth poses`: the split `train`, without those in which a body runs through itself."""
     templates: tuple[str, ...] = ("tops", "bottoms", "dress")
     """Templates, each on every body of these outfits."""
     each: Annotated[int, AtLeast(2)] = 24
@@ -101,7 +101,9 @@ class SettledOutfits:
             save_simulated(clip, *paths)
             poses += len(clip.transforms)
             rate = poses / (time.process_time() - begun)
-            console.print(f"{number} of {len(all_worn)}, {paths[0].stem}: {poses} poses, {rate:.1f} per CPU second")
+            console.print(
+                f"{number} of {len(all_worn)}, {paths[0].stem}: {poses} poses, {rate:.1f} per CPU second"
+            )
 
     def _worn(self) -> Iterator[Worn]:
         """The training outfits of the wardrobe, then the templates on their bodies."""
@@ -116,13 +118,14 @@ class SettledOutfits:
         """The clip of an outfit in its draw of poses. Raises InputError if it cannot be settled."""
         prepared = make_caged_outfit(outfit, PhysicsConfig(self.quality))
         generator = np.random.default_rng([self.seed, *f"{worn.clip}_{worn.garments[0]}".encode()])
-        transforms = _drawn(load_poses(self.poses, outfit.body), outfit, self.each, generator)
-        settled = [dressed_at_rest(prepared, outfit.body, pose) for pose in transforms]
+        poses = load_poses(self.poses, outfit.body)
+        transforms = _drawn(poses, outfit.body, self.each, generator)
+        settled = [settle(prepared, outfit.body, pose) for pose in transforms]
         draped = [torch.stack(cloth) for cloth in zip(*settled, strict=True)]
         if not all(torch.isfinite(cloth).all() for cloth in draped):
             raise InputError("its cloth flew apart")
         return cage_clip(worn.clip, outfit, draped, transforms, 0, self.quality, self.seed).labelled(
-            split="train", **worn.labels
+            split="train", captured=poses.clips_of("train"), **worn.labels
         )
 
 
@@ -149,9 +152,9 @@ def _of_template(template: str, body_file: Path) -> Worn:
     return Worn(f"{SETTLED}_{body_file.stem}", (template,), read, {})
 
 
-def _drawn(poses: PoseDatabase, outfit: Outfit, count: int, generator: np.random.Generator) -> Tensor:
-    """Joint transforms (count, J, 3, 4) of training poses that the outfit's body can take, fewer if it lacks them."""
-    training, body = poses.of("train"), outfit.body
+def _drawn(poses: PoseDatabase, body: Body, count: int, generator: np.random.Generator) -> Tensor:
+    """Joint transforms (count, J, 3, 4) of training poses that a body can take, fewer if few are."""
+    training = poses.of("train")
     clear = SelfContact(body).clear
     drawn: list[Tensor] = []
     for row in generator.permutation(len(training)):

@@ -120,7 +120,9 @@ def read_outfits(folders: Sequence[Path], rest_frames: int, *, balanced: bool = 
     dressed = [each for folder in folders for each in _named(folder, len(folders) > 1)]
     clips = [clip for _, clip in dressed]
     source = " ".join(map(str, folders))
-    require_one_split(source, ((clip.name, clip.subject, clip.split) for clip in clips))
+    require_one_split(
+        source, ((name, person, clip.split) for clip in clips for name, person in clip.captured.items())
+    )
     for split in TRAINING_SPLITS:
         if not of_split(clips, split):
             raise InputError(f"{source}: holds no outfit for {split}, training needs at least one")

@@ -57,7 +57,7 @@ class SimulatedClip:
     warm_up: number of leading frames that only let the cloth settle and are never scored.
     metadata: JSON values: clip, body, body_hash, engine, versions, settings, seed; of garments that were
     simulated together layers (their names, innermost first); outfit, types (by garment), split, subject and
-    action where they are known. wall_seconds is in memory alone, as the same input is to give the same file.
+    action where they are known; of poses without motion captured. wall_seconds is in memory alone, as the same input is to give the same file.
     files: name of each file that it was read from -> content hash.
     """
 
@@ -94,6 +94,11 @@ class SimulatedClip:
     def subject(self) -> str:
         """The captured person; "" where that is not known."""
         return str(self.metadata.get("subject", ""))
+
+    @property
+    def captured(self) -> Mapping[str, str]:
+        """The captured clips that its poses are from -> the subject of each, "" where that is not known."""
+        return self.metadata.get("captured") or {self.name: self.subject}
 
     @property
     def action(self) -> str:

@@ -36,6 +36,7 @@ METADATA = {
     **dict.fromkeys(("body?", "body_hash?", "engine?", "hash?", "outfit?", "rejected?"), str),
     **dict.fromkeys(("types?", "versions?", "settings?"), dict),
     "wrong_side_percent?": {"*": float},
+    "captured?": {"*": str},
     "scored_frames?": int,
     "template?": (str, type(None)),
     "layers?": [str],

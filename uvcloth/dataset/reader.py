@@ -40,7 +40,9 @@ def read_clips(folders: Sequence[Path], garments: Sequence[str]) -> list[BodyCli
         raise InputError("--data: names no folder of sequences")
     pairs = [each for folder in folders for each in _clips_of(Path(folder), garments)]
     source = " ".join(map(str, folders))
-    require_one_split(source, ((clip.name, clip.subject, clip.split) for _, clip in pairs))
+    require_one_split(
+        source, ((name, person, clip.split) for _, clip in pairs for name, person in clip.captured.items())
+    )
     bodies: dict[str, BodyClips] = {}
     for body, clip in pairs:
         bodies.setdefault(body.identity.shape, (body, []))[1].append(clip)

@@ -70,6 +70,9 @@ def training_data(clips: Sequence[SimulatedClip]) -> TrainingData:
     return TrainingData(
         files={name: content for clip in subset for name, content in clip.files.items()},
         clips={
-            split: {clip.name: clip.subject for clip in of_split(subset, split)} for split in TRAINING_SPLITS
+            split: {
+                name: person for clip in of_split(subset, split) for name, person in clip.captured.items()
+            }
+            for split in TRAINING_SPLITS
         },
     )
