@@ -65,7 +65,7 @@ class SettledOutfits:
     wardrobe: Path
     """Folder of `uvcloth outfits`: its split `train`."""
     poses: Path
-    """Poses drawn by `uvcloth poses`: the split `train`, without those in which a body runs through itself."""
+    """Poses drawn by `uvcloth poses`: of the split `train`, those in which no body runs through itself."""
     templates: tuple[str, ...] = ("tops", "bottoms", "dress")
     """Templates, each on every body of these outfits."""
     each: Annotated[int, AtLeast(2)] = 24

@@ -57,7 +57,8 @@ class SimulatedClip:
     warm_up: number of leading frames that only let the cloth settle and are never scored.
     metadata: JSON values: clip, body, body_hash, engine, versions, settings, seed; of garments that were
     simulated together layers (their names, innermost first); outfit, types (by garment), split, subject and
-    action where they are known; of poses without motion captured. wall_seconds is in memory alone, as the same input is to give the same file.
+    action where they are known; captured, where its frames are poses of several clips. wall_seconds is in
+    memory alone, as the same input is to give the same file.
     files: name of each file that it was read from -> content hash.
     """
 
