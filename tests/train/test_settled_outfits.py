@@ -10,6 +10,7 @@ from tests.train.simulated import database_of
 from train.settled_outfits import SettledOutfits
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.dataset.reader import read_outfit_clips
+from uvcloth.dataset.splits import training_data
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import from_axis_angles
@@ -71,6 +72,7 @@ def test_outfits_and_templates_are_settled_in_training_poses(tmp_path: Path, bod
         ("skirt_ann", "train", 0),
     ]
     assert [outfit.garments[0].fabric for outfit, _ in dressed] == [FABRICS["silk"], FABRICS["jersey"]]
+    assert training_data([clip for _, clip in dressed]).clips["train"] == {"swaying": "ann"}
     expected = database.rotations[1:3]
     for outfit, clip in dressed:
         (garment,) = outfit.garments

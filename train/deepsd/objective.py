@@ -1,7 +1,8 @@
 """The objective of DeePSD's first phase: trains all but the branch of physics on outfits in motion."""
 
+import copy
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,13 @@ from uvcloth.methods.deepsd.config import DeePSDConfig
 from uvcloth.methods.deepsd.method import DeePSD, deepsd_checkpoint
 from uvcloth.methods.deepsd.network import Branch, DeePSDNetwork
 from uvcloth.methods.deepsd.outfit_graph import pack
+from uvcloth.methods.method import require_supported
 
 from ..loop import Objective
 from .dataset import OutfitDataset, OutfitFrames
 from .losses import DataLosses, data_losses
 from .prediction import DrawnPoses, describe, pose_outfits
+from .start import TrainedStart
 from .validation import Validation
 
 MEASURED_OUTFITS = 32
@@ -71,27 +74,44 @@ class DeePSDObjective(Objective):
 
 
 class DataObjective(DeePSDObjective):
-    """The error against simulated outfits, and priors that fade after the first epoch (eq. 3, section 9)."""
+    """The error against simulated outfits, and priors that fade after the first epoch (eq. 3, section 9).
+
+    start: a network to train further, of its own config, instead of a new one.
+    """
 
     branches = ("data",)
 
     def __init__(
-        self, config: DeePSDConfig, losses: DataLosses, dataset: OutfitDataset, device: torch.device = CPU
+        self,
+        config: DeePSDConfig,
+        losses: DataLosses,
+        dataset: OutfitDataset,
+        device: torch.device = CPU,
+        start: TrainedStart | None = None,
     ) -> None:
+        if start is not None:
+            require_supported(start.method, dataset.training[0].outfit)
+            config, dataset = start.method.config, replace(dataset, data=start.joined(dataset.data))
         super().__init__(config, dataset, device)
-        self.losses = losses
+        self.losses, self.start = losses, start
         self.frames_seen = torch.zeros((), dtype=torch.int64)
 
     def networks(self) -> dict[str, nn.Module]:
-        """A new network, whose branch of physics is not trained."""
+        """The network, whose branch of physics is not trained."""
+        net = self._new() if self.start is None else copy.deepcopy(self.start.method.network)
+        net.requires_grad_(True)
+        if "physics" in net.branches:
+            net.branches["physics"].requires_grad_(False)
+        return {"net": net}
+
+    def _new(self) -> DeePSDNetwork:
+        """A network whose inputs and layers are standardized over the training outfits."""
         net = DeePSDNetwork(self.config, len(self.dataset.body.skeleton.names))
         outfits = self.dataset.training
         some = torch.linspace(0, len(outfits) - 1, min(MEASURED_OUTFITS, len(outfits))).long().tolist()
         measured = pack([outfits[index].graph for index in some], CPU, self.config.spread)
         net.standardize(self.dataset.vectors, measured)
-        if "physics" in net.branches:
-            net.branches["physics"].requires_grad_(False)
-        return {"net": net}
+        return net
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
@@ -134,12 +154,12 @@ class DataObjective(DeePSDObjective):
         return self.validation.measure(net, self.branches)
 
     def _notes(self) -> dict[str, Any]:
-        return {"losses": asdict(self.losses)}
+        return {"losses": asdict(self.losses)} | ({"start": self.start.notes} if self.start else {})
 
     def settings(self) -> dict[str, Any]:
         """Settings that must not change within a run."""
         return {
-            "method": asdict(self.config),
+            "method": asdict(self.config) | ({"start": self.start.fingerprint} if self.start else {}),
             "losses": asdict(self.losses),
             "drawing": {"balanced": self.dataset.balanced},
             "data": asdict(self.dataset.data),

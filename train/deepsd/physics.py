@@ -2,44 +2,30 @@
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import asdict, replace
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from uvcloth.checkpoint import TrainingData, load_checkpoint
 from uvcloth.errors import InputError
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.records import CPU
 from uvcloth.geometry.skeleton import joint_transforms
-from uvcloth.methods.deepsd.method import BRANCHES, DeePSD, load_deepsd
+from uvcloth.methods.deepsd.method import BRANCHES
 from uvcloth.methods.deepsd.outfit_graph import pack
 from uvcloth.methods.method import require_supported
-from uvcloth.methods.registry import SHIPPED
 
 from .dataset import OutfitDataset, OutfitFrames
 from .losses import MILLI, PhysicsLosses
 from .objective import DeePSDObjective
 from .outfit_energy import OutfitEnergy
 from .prediction import Described, DrawnPoses, PosedOutfit, describe, pose_outfits
+from .start import TrainedStart
 from .validation import POSES
-
-SHIPPED_MODEL = "shipped"
-"""The name of the DeePSD in the package, instead of a run."""
 
 KEPT_POINTS = 1_000_000
 """Points whose descriptors are kept in memory, at most: about 2.2 GB."""
-
-
-@dataclass(frozen=True)
-class TrainedStart:
-    """A trained method to continue from, what it was made from, and the notes of its checkpoint."""
-
-    method: DeePSD
-    data: TrainingData
-    notes: dict[str, Any]
 
 
 class PhysicsObjective(DeePSDObjective):
@@ -64,7 +50,7 @@ class PhysicsObjective(DeePSDObjective):
                 "--physics-only: a network without a deformation has nothing to train on physics"
             )
         require_supported(start.method, dataset.training[0].outfit)
-        super().__init__(config, replace(dataset, data=_joined(start.data, dataset.data)), device)
+        super().__init__(config, replace(dataset, data=start.joined(dataset.data)), device)
         self.start, self.losses = start, losses
         drawn = losses.poses_drawn * (batch if len(dataset.training) == 1 else 1)
         self.energy = OutfitEnergy(losses, dataset.body, max(drawn, POSES), device)
@@ -140,32 +126,10 @@ class PhysicsObjective(DeePSDObjective):
 
     def settings(self) -> dict[str, Any]:
         """Settings that must not change within a run."""
-        start = fingerprint(*self.start.method.network.state_dict().values())
         return {
-            "method": asdict(self.config) | {"start": start},
+            "method": asdict(self.config) | {"start": self.start.fingerprint},
             "losses": asdict(self.losses),
             "drawing": {"balanced": self.dataset.balanced},
             "data": asdict(self.dataset.data),
             "garments": {outfit.name: fingerprint(outfit.graph.points) for outfit in self.dataset.training},
         }
-
-
-def load_start(run: str) -> TrainedStart:
-    """The trained DeePSD of a run, or the one that ships, to continue from.
-
-    Raises InputError if there is none, and if it is of another method.
-    """
-    folder = SHIPPED / "deepsd" if run == SHIPPED_MODEL else Path(run)
-    checkpoint = load_checkpoint(folder)
-    if checkpoint.method != "deepsd":
-        raise InputError(
-            f"--physics-only {run}: a model of method {checkpoint.method!r:.60}, expected deepsd"
-        )
-    return TrainedStart(load_deepsd(checkpoint, folder), checkpoint.data, checkpoint.notes)
-
-
-def _joined(before: TrainingData, now: TrainingData) -> TrainingData:
-    """The data of a model that was trained twice."""
-    splits = before.clips | now.clips
-    clips = {split: before.clips.get(split, {}) | now.clips.get(split, {}) for split in splits}
-    return TrainingData(before.files | now.files, clips)

@@ -28,7 +28,8 @@ from .dataset import OutfitDataset, posed_outfit, read_outfits
 from .losses import DataLosses, PhysicsLosses
 from .mirror import mirror_outfit
 from .objective import DataObjective, DeePSDObjective
-from .physics import PhysicsObjective, load_start
+from .physics import PhysicsObjective
+from .start import load_start
 
 LOSSES: dict[str, DataLosses] = {
     "default": DataLosses(),
@@ -75,6 +76,8 @@ class DeePSDRun:
     data: Annotated[tuple[Path, ...], FOLDER, Several()] = ()
     """Folders made by `uvcloth simulate --outfits`, or in CLOTH3D's layout; in folders of other sequences
     each garment is an outfit."""
+    start_from: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
+    """Train the network of this run further on --data, such as the fine sequences after settled outfits."""
     physics_only: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
     """Continue from the network of this run: train only the branch of physics, all other weights stay fixed.
     """
@@ -108,6 +111,8 @@ class DeePSDRun:
             raise InputError("--devices: DeePSD is trained on one device, leave it out")
         if bool(self.data) == bool(self.outfit):
             raise InputError("name either --data, or --outfit to train on one outfit without data")
+        if self.start_from is not None and self.physics_only is not None:
+            raise InputError("--start-from: goes without --physics-only, which names the network itself")
         if self.outfit and self.physics_only is None:
             raise InputError(
                 "--outfit: trains on physics alone, name a trained model with --physics-only RUN"
@@ -124,8 +129,9 @@ class DeePSDRun:
             if self.losses.mirror:
                 mirrored = tuple(mirror_outfit(outfit) for outfit in dataset.training)
                 dataset = replace(dataset, training=(*dataset.training, *mirrored))
-            return DataObjective(self.network, self.losses, dataset, device)
-        start = load_start(self.physics_only)
+            before = None if self.start_from is None else load_start(self.start_from, "--start-from")
+            return DataObjective(self.network, self.losses, dataset, device, before)
+        start = load_start(self.physics_only, "--physics-only")
         require_fabric_read(start.method, self.fabric)
         dataset = self._outfits() if self.data else self._posed_outfit()
         return PhysicsObjective(start, self.physics, dataset, self.loop.batch, device)

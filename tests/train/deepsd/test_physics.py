@@ -13,9 +13,10 @@ from train.batched_collision import PosedParts
 from train.deepsd.dataset import OutfitDataset, posed_outfit
 from train.deepsd.losses import PhysicsLosses
 from train.deepsd.outfit_energy import OutfitEnergy
-from train.deepsd.physics import PhysicsObjective, TrainedStart, load_start
+from train.deepsd.physics import PhysicsObjective
 from train.deepsd.prediction import PosedOutfit
 from train.deepsd.run import LOOPS, DeePSDRun
+from train.deepsd.start import TrainedStart, load_start
 from train.loop import fit
 from train.pbns.poses import Poses
 from train.state import STATE
@@ -197,7 +198,7 @@ def test_only_chi_moves_and_resuming_is_exact(
     assert checkpoint.notes["start"] == {"step": 7}
     assert checkpoint.data.clips["train"] == {"old": "eve", "clip0": "person0", "clip1": "person1"}
     assert {"old.npz", "clip0_belt_tops.npz"} <= checkpoint.data.files.keys()
-    again = load_start(str(tmp_path / "whole"))
+    again = load_start(str(tmp_path / "whole"), "--physics-only")
     more = Quick(again, LOSSES, dataset, 2).networks()["net"].state_dict()
     assert all(torch.equal(more[name], value) for name, value in again.method.network.state_dict().items())
 
@@ -249,13 +250,13 @@ def test_what_does_not_do_is_refused(dataset: OutfitDataset, start: TrainedStart
     with pytest.raises(InputError, match="is for a skeleton of 24 joints, body 'default' has 31"):
         Quick(trained(TINY, 24), LOSSES, dataset, 2)
     with pytest.raises(InputError, match="not a trained model"):
-        load_start(str(tmp_path / "none"))
+        load_start(str(tmp_path / "none"), "--physics-only")
     save_checkpoint(
         Checkpoint("pbns", {}, {"a": torch.zeros(1)}, {"name": "x"}, (), TrainingData(), {}),
         tmp_path / "other",
     )
     with pytest.raises(InputError, match="other: a model of method 'pbns', expected deepsd"):
-        load_start(str(tmp_path / "other"))
+        load_start(str(tmp_path / "other"), "--physics-only")
     with pytest.raises(InputError, match="name either --data, or --outfit"):
         DeePSDRun(out=tmp_path / "run").train()
     with pytest.raises(InputError, match="name either --data, or --outfit"):
@@ -265,5 +266,5 @@ def test_what_does_not_do_is_refused(dataset: OutfitDataset, start: TrainedStart
     with pytest.raises(InputError, match=r"--thickness -1\.0: has to be 0 or more"):
         PhysicsLosses(thickness=-1.0)
     save_checkpoint(deepsd_checkpoint(start.method, dataset.body, TrainingData(), {}), tmp_path / "begun")
-    assert load_start(str(tmp_path / "begun")).method.branches == ("data",)
+    assert load_start(str(tmp_path / "begun"), "--physics-only").method.branches == ("data",)
     assert not (tmp_path / "run").exists()

@@ -17,16 +17,18 @@ from train.deepsd.losses import DataLosses, data_losses, prior_share
 from train.deepsd.objective import DataObjective
 from train.deepsd.prediction import DrawnPoses, PosedOutfit, describe, pose_outfits
 from train.deepsd.run import LOOPS, DeePSDRun
+from train.deepsd.start import TrainedStart, load_start
 from train.loop import LoopConfig, batch_after, fit, rows_of_step
 from train.state import STATE
 from uvcloth.bodies.body import load_body
-from uvcloth.checkpoint import load_checkpoint, load_tensors
+from uvcloth.checkpoint import TrainingData, load_checkpoint, load_tensors
 from uvcloth.dataset.bodies import BODIES
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import edge_lengths
 from uvcloth.geometry.records import CPU
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
+from uvcloth.methods.deepsd.method import DeePSD
 from uvcloth.methods.deepsd.network import DeePSDNetwork, pose
 from uvcloth.methods.deepsd.outfit_graph import outfit_graph, pack
 from uvcloth.methods.registry import load_method
@@ -241,6 +243,25 @@ class Stopping(Quick):
         yield from super().steps(networks, rows)
         if self.asked == 2:
             signal.raise_signal(signal.SIGINT)
+
+
+def test_a_trained_network_is_trained_further(dataset: OutfitDataset, tmp_path: Path) -> None:
+    network = DeePSDNetwork(TINY, len(dataset.body.skeleton.names))
+    method = DeePSD(TINY, network, dataset.vectors[:3], ("data",))
+    start = TrainedStart(method, TrainingData({"old.npz": "x"}, {"train": {"old": "eve"}}), {"step": 7})
+    objective = Quick(PRESETS["default"], DataLosses(poses_per_outfit=2), dataset, start=start)
+    before = network.state_dict()
+    begun = objective.networks()["net"].state_dict()
+    assert all(torch.equal(begun[name], value) for name, value in before.items())
+    fit(objective, tmp_path / "run", LOOP, resume=False)
+    after = load_start(str(tmp_path / "run"), "--start-from")
+    changed = {
+        name for name, value in after.method.network.state_dict().items() if (value != before[name]).any()
+    }
+    assert any(name.startswith("branches.data") for name in changed)
+    assert not any(name.startswith("branches.physics") for name in changed)
+    assert after.notes["start"] == {"step": 7}
+    assert after.data.clips["train"] == {"old": "eve", "clip0": "person0", "clip1": "person1"}
 
 
 def test_training_lowers_the_error(dataset: OutfitDataset) -> None:
