@@ -147,8 +147,8 @@ def simulated(
     for transform, vertices in zip(transforms, body_vertices, strict=True):
         targets = prepared.skinned_cages(transform)
         state = next_frame(prepared, state, prepared.collider(vertices), targets, 0.0, FPS)
-        carried = followed(prepared, state, targets, prepared.skinned(transform))
-        yield tuple(points[each.mesh.places] for points, each in zip(carried, prepared.garments, strict=True))
+        placed = followed(prepared, state, targets, prepared.skinned(transform))
+        yield tuple(points[each.mesh.places] for points, each in zip(placed, prepared.garments, strict=True))
 
 
 if __name__ == "__main__":

@@ -47,7 +47,7 @@ SETTLED = "settled"
 
 
 @dataclass(frozen=True)
-class Worn:
+class Task:
     """An outfit to settle: its clip, the names of its garments, how it is read, and what is known of it."""
 
     clip: str
@@ -84,16 +84,16 @@ class SettledOutfits:
         if self.quality not in QUALITIES:
             raise InputError(f"--quality {self.quality}: expected one of {', '.join(QUALITIES)}")
         make_folder(self.data)
-        all_worn = list(self._worn())[self.first :: self.every]
+        tasks = list(self._tasks())[self.first :: self.every]
         console = Console(stderr=True)
         begun, poses = time.process_time(), 0
-        for number, worn in enumerate(all_worn, start=1):
-            paths = [self.data / f"{worn.clip}_{garment}.npz" for garment in worn.garments]
+        for number, task in enumerate(tasks, start=1):
+            paths = [self.data / f"{task.clip}_{garment}.npz" for garment in task.garments]
             if all(path.exists() for path in paths):
                 continue
-            outfit = worn.read()
+            outfit = task.read()
             try:
-                clip = self._settled(worn, outfit)
+                clip = self._settled(task, outfit)
             except InputError as error:
                 console.print(f"{paths[0]}: left out, {error}")
                 continue
@@ -102,10 +102,10 @@ class SettledOutfits:
             poses += len(clip.transforms)
             rate = poses / (time.process_time() - begun)
             console.print(
-                f"{number} of {len(all_worn)}, {paths[0].stem}: {poses} poses, {rate:.1f} per CPU second"
+                f"{number} of {len(tasks)}, {paths[0].stem}: {poses} poses, {rate:.1f} per CPU second"
             )
 
-    def _worn(self) -> Iterator[Worn]:
+    def _tasks(self) -> Iterator[Task]:
         """The training outfits of the wardrobe, then the templates on their bodies."""
         files = [file for file in map(load_outfit_file, outfit_files(self.wardrobe)) if file.split == "train"]
         for file in files:
@@ -114,22 +114,22 @@ class SettledOutfits:
             for template in self.templates:
                 yield _of_template(template, path)
 
-    def _settled(self, worn: Worn, outfit: Outfit) -> SimulatedClip:
+    def _settled(self, task: Task, outfit: Outfit) -> SimulatedClip:
         """The clip of an outfit in its draw of poses. Raises InputError if it cannot be settled."""
         prepared = make_caged_outfit(outfit, PhysicsConfig(self.quality))
-        generator = np.random.default_rng([self.seed, *f"{worn.clip}_{worn.garments[0]}".encode()])
+        generator = np.random.default_rng([self.seed, *f"{task.clip}_{task.garments[0]}".encode()])
         poses = load_poses(self.poses, outfit.body)
         transforms = _drawn(poses, outfit.body, self.each, generator)
         settled = [settle(prepared, outfit.body, pose) for pose in transforms]
         draped = [torch.stack(cloth) for cloth in zip(*settled, strict=True)]
         if not all(torch.isfinite(cloth).all() for cloth in draped):
             raise InputError("its cloth flew apart")
-        return cage_clip(worn.clip, outfit, draped, transforms, 0, self.quality, self.seed).labelled(
-            split="train", captured=poses.clips_of("train"), **worn.labels
+        return cage_clip(task.clip, outfit, draped, transforms, 0, self.quality, self.seed).labelled(
+            split="train", captured=poses.clips_of("train"), **task.labels
         )
 
 
-def _of_wardrobe(file: OutfitFile) -> Worn:
+def _of_wardrobe(file: OutfitFile) -> Task:
     """A random outfit, on its body and in its fabric."""
 
     def read() -> Outfit:
@@ -139,17 +139,17 @@ def _of_wardrobe(file: OutfitFile) -> Worn:
 
     names = tuple(piece.file.stem for piece in file.pieces)
     types = {piece.file.stem: piece.design.kind for piece in file.pieces}
-    return Worn(SETTLED, names, read, {"outfit": file.name, "fabric": file.fabric_name, "types": types})
+    return Task(SETTLED, names, read, {"outfit": file.name, "fabric": file.fabric_name, "types": types})
 
 
-def _of_template(template: str, body_file: Path) -> Worn:
+def _of_template(template: str, body_file: Path) -> Task:
     """A template on a body, of jersey."""
 
     def read() -> Outfit:
         body = load_body(body_file)
         return Outfit(body, (load_garment(template, body),))
 
-    return Worn(f"{SETTLED}_{body_file.stem}", (template,), read, {})
+    return Task(f"{SETTLED}_{body_file.stem}", (template,), read, {})
 
 
 def _drawn(poses: PoseDatabase, body: Body, count: int, generator: np.random.Generator) -> Tensor:
