@@ -23,8 +23,6 @@ from uvcloth.methods.physics.outfit import (
     make_caged_outfit,
 )
 
-from .cage_sequences import simulated
-
 SETTLED_FILE = "settled.npz"
 """File of a run with the outfits that were settled for it."""
 
@@ -38,28 +36,13 @@ FIELDS = {
 }
 """Arrays of that file; of: hash of the outfit and all poses; tried: how many poses were."""
 
-SETTLED_FRAMES = 30
-"""Frames in which a body holds its pose."""
-
 SAVED_EVERY = 25
 """Poses after which the file is written."""
 
 
 @torch.no_grad()
 def settle(prepared: CagedOutfit, body: Body, transforms: Tensor) -> tuple[Tensor, ...]:
-    """Each garment (N, 3) m on a body that has held its pose (J, 3, 4) for a second, not cleared."""
-    held = transforms.expand(SETTLED_FRAMES, *transforms.shape)
-    skin_vertices = posed_skin(body, transforms[None]).expand(SETTLED_FRAMES, -1, -1)
-    *_, last = simulated(prepared, body, held, skin_vertices)
-    return last
-
-
-@torch.no_grad()
-def dressed_at_rest(prepared: CagedOutfit, body: Body, transforms: Tensor) -> tuple[Tensor, ...]:
-    """Each garment (N, 3) m at rest on a body in a pose (J, 3, 4), cleared off its skin.
-
-    It is 0.3 mm from where `settle` leaves it, in two thirds of the time.
-    """
+    """Each garment (N, 3) m at rest on a body in a pose (J, 3, 4), cleared off its skin."""
     state = dressed(prepared, body, transforms)
     targets = prepared.skinned_cages(transforms)
     placed = followed(prepared, state, targets, prepared.skinned(transforms))
@@ -72,7 +55,7 @@ class Settled:
     """An outfit at rest in S of P poses.
 
     rows: (S,) of the poses; those in which cloth flew apart are left out. vertices: (S, N, 3) m, all
-    garments, one after another, not cleared. tried: number of the poses that were simulated so far.
+    garments, one after another. tried: number of the poses that were simulated so far.
     """
 
     rows: Tensor
@@ -110,14 +93,14 @@ def _nothing(outfit: Outfit) -> Settled:
 
 
 def _save(settled: Settled, of: str, path: Path) -> None:
-    """Write what is settled so far."""
+    """Write the poses that are settled so far."""
     arrays = {"of": np.array(of), "tried": np.array(settled.tried), "rows": settled.rows.numpy()}
     arrays |= {"format": np.array(SETTLED_FORMAT), "vertices": settled.vertices.numpy()}
     save_arrays(path, arrays, compressed=False)
 
 
 def _load(path: Path, of: str) -> Settled:
-    """What a file holds. Raises InputError if it is of another outfit."""
+    """Settled poses from a file. Raises InputError if it is of another outfit."""
     data = check_fields(path, load_arrays(path, SETTLED_FORMAT, "a settled outfit of this version"), FIELDS)
     if str(data["of"]) != of:
         raise InputError(f"{path}: is of another outfit, fabric or poses; name another folder")

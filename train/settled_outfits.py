@@ -40,7 +40,7 @@ from uvcloth.process.command import run_command
 from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, on_body, outfit_files
 
 from .cage_sequences import cage_clip
-from .settled import dressed_at_rest
+from .settled import settle
 
 SETTLED = "settled"
 """Name of the clip of an outfit; that of a template is followed by its body."""
@@ -120,7 +120,7 @@ class SettledOutfits:
         generator = np.random.default_rng([self.seed, *f"{task.clip}_{task.garments[0]}".encode()])
         poses = load_poses(self.poses, outfit.body)
         transforms = _drawn(poses, outfit.body, self.each, generator)
-        settled = [dressed_at_rest(prepared, outfit.body, pose) for pose in transforms]
+        settled = [settle(prepared, outfit.body, pose) for pose in transforms]
         draped = [torch.stack(cloth) for cloth in zip(*settled, strict=True)]
         if not all(torch.isfinite(cloth).all() for cloth in draped):
             raise InputError("its cloth flew apart")
