@@ -55,7 +55,7 @@ def settle_poses(
 ) -> Supervision | None:
     """Settle an outfit of a fabric in some poses of both splits, kept in the run; None for no poses.
 
-    Raises InputError as `settled_outfit` does, and if the cloth flew apart in every pose.
+    Raises InputError as `settled_outfit` does, and if the cloth flew apart in every training pose.
     """
     if not config.settled:
         return None
@@ -65,9 +65,9 @@ def settle_poses(
     rows = {split: _spread(len(poses), counts[split]) for split, poses in splits.items()}
     wanted = torch.cat([splits[split][rows[split]] for split in splits])
     settled = settled_outfit(outfit, wanted, run / SETTLED_FILE)
-    if not len(settled.rows):
-        raise InputError(f"{run / SETTLED_FILE}: the cloth flew apart in every pose; train with --settled 0")
     trained = settled.rows < len(rows["train"])
+    if not trained.any():
+        raise InputError(f"{run / SETTLED_FILE}: the cloth flew apart in every pose; train with --settled 0")
     first, second = settled.rows[trained], settled.rows[~trained] - len(rows["train"])
     return Supervision(
         config,

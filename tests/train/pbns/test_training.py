@@ -254,7 +254,7 @@ def test_poses_of_both_splits_are_settled_in_the_fabric_of_the_training(
     assert supervision.held.rows.tolist() == [0]
     assert supervision.held.vertices[:, 0, 0].tolist() == [3]
     assert settle_poses(replace(config, settled=0), belt, silk, database, tmp_path) is None
-    nowhere = Settled(torch.zeros(0, dtype=torch.int64), torch.zeros(0, 5, 3), 4)
+    nowhere = Settled(torch.tensor([3]), torch.zeros(1, 5, 3), 4)
     monkeypatch.setattr("train.pbns.supervision.settled_outfit", lambda *given: nowhere)
     with pytest.raises(InputError, match=r"settled\.npz: the cloth flew apart in every pose"):
         settle_poses(config, belt, silk, database, tmp_path)
