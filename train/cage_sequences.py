@@ -94,7 +94,7 @@ class CageSequences:
             vertices = posed_skin(body, transforms)
             labels = {"split": entry.split, "subject": entry.subject, "action": entry.action}
             for outfit, ready, path in zip(outfits, prepared, paths, strict=True):
-                draped = torch.stack([cloth for (cloth,) in simulated(ready, body, transforms, vertices)])
+                draped = torch.stack(list(simulated(ready, body, transforms, vertices)))
                 if not torch.isfinite(draped).all():
                     console.print(f"{path}: cloth flew apart, it is left out")
                     continue
@@ -141,14 +141,15 @@ def cage_clip(
 
 def simulated(
     prepared: CagedOutfit, body: Body, transforms: Tensor, body_vertices: Tensor
-) -> Iterator[tuple[Tensor, ...]]:
-    """Yield each garment (N, 3) m in each frame as its cage carries it, not cleared; it begins at rest."""
+) -> Iterator[Tensor]:
+    """Yield the garment (N, 3) m of each frame as its cage carries it, not cleared; it begins at rest."""
+    (garment,) = prepared.garments
     state = dressed(prepared, body, transforms[0])
     for transform, vertices in zip(transforms, body_vertices, strict=True):
         targets = prepared.skinned_cages(transform)
         state = next_frame(prepared, state, prepared.collider(vertices), targets, 0.0, FPS)
-        placed = followed(prepared, state, targets, prepared.skinned(transform))
-        yield tuple(points[each.mesh.places] for points, each in zip(placed, prepared.garments, strict=True))
+        (points,) = followed(prepared, state, targets, prepared.skinned(transform))
+        yield points[garment.mesh.places]
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.cloth3d import is_cloth3d, load_cloth3d
 from uvcloth.dataset.reader import read_outfit_clips
 from uvcloth.dataset.rows import joined_rows
-from uvcloth.dataset.splits import TRAINING_SPLITS, cut_warm_up, of_split, training_data
+from uvcloth.dataset.splits import TRAINING_SPLITS, captured_clips, cut_warm_up, of_split, training_data
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import first_of
@@ -120,9 +120,7 @@ def read_outfits(folders: Sequence[Path], rest_frames: int, *, balanced: bool = 
     dressed = [each for folder in folders for each in _named(folder, len(folders) > 1)]
     clips = [clip for _, clip in dressed]
     source = " ".join(map(str, folders))
-    require_one_split(
-        source, ((name, person, clip.split) for clip in clips for name, person in clip.captured.items())
-    )
+    require_one_split(source, captured_clips(clips))
     for split in TRAINING_SPLITS:
         if not of_split(clips, split):
             raise InputError(f"{source}: holds no outfit for {split}, training needs at least one")

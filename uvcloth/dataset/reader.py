@@ -12,7 +12,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.dataset.bodies import require_joints, sequence_body
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, join_clips
 from uvcloth.dataset.clip_file import load_simulated
-from uvcloth.dataset.splits import TRAINING_SPLITS
+from uvcloth.dataset.splits import TRAINING_SPLITS, captured_clips
 from uvcloth.errors import InputError
 from uvcloth.files.json_file import require_kinds
 from uvcloth.garments.fit import make_fitted
@@ -40,9 +40,7 @@ def read_clips(folders: Sequence[Path], garments: Sequence[str]) -> list[BodyCli
         raise InputError("--data: names no folder of sequences")
     pairs = [each for folder in folders for each in _clips_of(Path(folder), garments)]
     source = " ".join(map(str, folders))
-    require_one_split(
-        source, ((name, person, clip.split) for _, clip in pairs for name, person in clip.captured.items())
-    )
+    require_one_split(source, captured_clips(clip for _, clip in pairs))
     bodies: dict[str, BodyClips] = {}
     for body, clip in pairs:
         bodies.setdefault(body.identity.shape, (body, []))[1].append(clip)

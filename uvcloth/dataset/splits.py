@@ -1,6 +1,6 @@
 """Splits of clips: those for training, those that choose the network to keep, and the record of both."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -64,15 +64,18 @@ def of_split(clips: Iterable[SimulatedClip], split: str) -> list[SimulatedClip]:
     return [clip for clip in clips if clip.split == split]
 
 
+def captured_clips(clips: Iterable[SimulatedClip]) -> Iterator[tuple[str, str, str]]:
+    """Yield name, person and split of each captured clip that the poses of some clips are from."""
+    return ((name, person, clip.split) for clip in clips for name, person in clip.captured.items())
+
+
 def training_data(clips: Sequence[SimulatedClip]) -> TrainingData:
     """The record of the clips that a model was trained on and chosen by, for its checkpoint."""
     subset = [clip for split in TRAINING_SPLITS for clip in of_split(clips, split)]
     return TrainingData(
         files={name: content for clip in subset for name, content in clip.files.items()},
         clips={
-            split: {
-                name: person for clip in of_split(subset, split) for name, person in clip.captured.items()
-            }
+            split: {name: person for name, person, _ in captured_clips(of_split(subset, split))}
             for split in TRAINING_SPLITS
         },
     )

@@ -16,14 +16,13 @@ from train.__main__ import main
 from train.batched_collision import LAYER_SEARCH_DISTANCE
 from train.loop import fit
 from train.pbns import objective as pbns
-from train.pbns import poses
 from train.pbns.energy import EnergyConfig, FabricOptions
 from train.pbns.objective import SMOOTHING, AttachmentConfig, PBNSObjective
-from train.pbns.poses import POSES_FILE, Poses, poses_for
+from train.pbns.poses import Poses
 from train.pbns.run import LOOPS
 from train.pbns.smoothing import GradientSmoothing
-from train.pbns.supervision import SettledPoses, Supervision, SupervisionConfig, settle_poses
-from train.settled import SETTLED_FILE, Settled
+from train.pbns.supervision import SettledPoses, Supervision, SupervisionConfig
+from train.settled import SETTLED_FILE
 from train.state import STATE
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, load_checkpoint, load_tensors
@@ -36,7 +35,6 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.methods.pbns.network import PBNSConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.poses import save_poses
-from uvcloth.physics.fabric import find_fabric
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.posed_batch import empty_cache
 from uvcloth.physics.surface import FREE
@@ -229,37 +227,6 @@ def test_the_outfit_at_rest_supervises_beside_the_energies(belt: Outfit) -> None
     assert objective.settings()["supervision"] != alone.settings()["supervision"]
 
 
-def test_poses_of_both_splits_are_settled_in_the_fabric_of_the_training(
-    belt: Outfit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    database, silk = database_of(belt.body), find_fabric("silk")
-    asked: list[tuple[Outfit, Tensor, Path]] = []
-
-    def stand_in(outfit: Outfit, transforms: Tensor, path: Path) -> Settled:
-        asked.append((outfit, transforms, path))
-        rows = torch.tensor([0, 2, 3])
-        return Settled(rows, rows[:, None, None].expand(-1, 5, 3).float(), len(transforms))
-
-    monkeypatch.setattr("train.pbns.supervision.settled_outfit", stand_in)
-    config = SupervisionConfig(settled=3)
-    supervision = settle_poses(config, belt, silk, database, tmp_path)
-    ((outfit, transforms, path),) = asked
-    assert path == tmp_path / SETTLED_FILE
-    assert [garment.fabric for garment in outfit.garments] == [silk]
-    every = {split: database.of(split).transforms(belt.body.skeleton) for split in ("train", "validation")}
-    torch.testing.assert_close(transforms, torch.cat([every["train"][[0, 2, 5]], every["validation"][[0]]]))
-    assert supervision is not None
-    assert supervision.training.rows.tolist() == [0, 5]
-    assert supervision.training.vertices[:, 0, 0].tolist() == [0, 2]
-    assert supervision.held.rows.tolist() == [0]
-    assert supervision.held.vertices[:, 0, 0].tolist() == [3]
-    assert settle_poses(replace(config, settled=0), belt, silk, database, tmp_path) is None
-    nowhere = Settled(torch.tensor([3]), torch.zeros(1, 5, 3), 4)
-    monkeypatch.setattr("train.pbns.supervision.settled_outfit", lambda *given: nowhere)
-    with pytest.raises(InputError, match=r"settled\.npz: the cloth flew apart in every pose"):
-        settle_poses(config, belt, silk, database, tmp_path)
-
-
 def test_layers_train_and_come_off_each_other(layered: Outfit) -> None:
     objective = objective_of(layered)
     energies, net = trained(objective, 8)
@@ -394,16 +361,6 @@ def test_visits_are_kept_by_pose(belt: Outfit) -> None:
     assert torch.equal(objective.caches.clearance[0], fresh.clearance[0])
 
 
-def test_poses_that_lack_a_split_are_refused(body: Body, tmp_path: Path) -> None:
-    for held in (0, 9):
-        save_poses(database_of(body, held=held), tmp_path / "poses.npz")
-        with pytest.raises(InputError, match=r"/poses\.npz: lacks training or validation poses"):
-            poses_for([str(tmp_path / "poses.npz")], body, tmp_path / "run")
-    with pytest.raises(InputError, match="--poses walk: lacks training or validation poses, name more clips"):
-        poses_for(["walk"], body, tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-
-
 def test_crossed_layers_and_pins_without_a_vertex_are_refused(layered: Outfit) -> None:
     body = layered.body
     turned = replace(layered, garments=layered.garments[::-1])
@@ -411,70 +368,6 @@ def test_crossed_layers_and_pins_without_a_vertex_are_refused(layered: Outfit) -
         objective_of(turned)
     with pytest.raises(InputError, match="--pins neck: names no vertex"):
         objective_of(Outfit(body, (fit_template("bottoms", body),)), replace(FREELY, pins=("neck",)))
-
-
-def test_a_file_of_poses_is_taken_as_it_is(body: Body, tmp_path: Path) -> None:
-    save_poses(database_of(body), tmp_path / "mine.npz")
-    taken = poses_for([str(tmp_path / "mine.npz")], body, tmp_path / "run")
-    assert len(taken.database) == 9
-    assert list(taken.data.files) == ["mine.npz"]
-    assert len(taken.data.files["mine.npz"]) == 64
-    assert taken.data.clips == {"train": {"swaying": "ann"}, "validation": {"swaying": "ann"}}
-    assert not (tmp_path / "run").exists()
-    save_poses(database_of(body, frames=8), tmp_path / "mine.npz")
-    assert poses_for([str(tmp_path / "mine.npz")], body, tmp_path / "run").data.files != taken.data.files
-
-
-def test_poses_of_another_skeleton_are_refused(body: Body, tmp_path: Path) -> None:
-    renamed = replace(database_of(body), joints=("root", *body.skeleton.names[1:]))
-    save_poses(renamed, tmp_path / "mine.npz")
-    with pytest.raises(InputError, match=r"mine\.npz: the poses have another skeleton than the body"):
-        poses_for([str(tmp_path / "mine.npz")], body, tmp_path / "run")
-
-
-def test_poses_of_another_shape_are_looked_through(
-    body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """All but three frames are valid on this body, as the stand-in for its self-contact has it."""
-    other = replace(database_of(body), body_hash="another")
-    save_poses(other, tmp_path / "mine.npz")
-    expected = skin(body.mesh.vertices, body.weights, other.transforms(body.skeleton))
-
-    class AllButThree:
-        def __init__(self, body: Body) -> None:
-            pass
-
-        def clear(self, vertices: Tensor) -> bool:
-            return int((vertices - expected).norm(dim=2).amax(1).argmin()) not in (3, 4, 5)
-
-    monkeypatch.setattr(poses, "SelfContact", AllButThree)
-    taken = poses_for([str(tmp_path / "mine.npz")], body, tmp_path / "run")
-    assert taken.database.frames.tolist() == [0, 1, 2, 6, 7, 8]
-    save_poses(database_of(body), tmp_path / "own.npz")
-    assert len(poses_for([str(tmp_path / "own.npz")], body, tmp_path / "run").database) == 9
-
-
-def test_clips_are_drawn_into_the_run_once(
-    body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(poses, "RECOMBINED", 3)
-    run = tmp_path / "run"
-    taken = poses_for(["jump", "twirl"], body, run)
-    assert list(taken.data.files) == [POSES_FILE]
-    assert taken.data.clips == {"train": {"jump": ""}, "validation": {"twirl": ""}}
-    assert set(taken.database.clip_names) == {"jump", "twirl"}
-    assert len(taken.database.of("train")) > 3
-    assert len(taken.database.of("validation")) > 0
-    drawn = (run / POSES_FILE).read_bytes()
-    monkeypatch.setattr(poses, "draw_poses", None)
-    again = poses_for(["jump", "twirl"], body, run)
-    assert again.data == taken.data
-    assert (run / POSES_FILE).read_bytes() == drawn
-    with pytest.raises(InputError, match=r"run/poses\.npz: was drawn from other clips"):
-        poses_for(["jump", "walk"], body, run)
-    save_poses(replace(taken.database, splits=1 - taken.database.splits), run / POSES_FILE)
-    with pytest.raises(InputError, match="was drawn from other clips or splits"):
-        poses_for(["jump", "twirl"], body, run)
 
 
 def command(monkeypatch: pytest.MonkeyPatch, *words: object) -> None:
