@@ -7,7 +7,7 @@ INSTALLED := .venv/installed
 # What is imported is compiled once and kept: without, every process would compile PyTorch again, for 5 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test engines fuzz wheel-test lint install clean
+.PHONY: demo test engines fuzz wheel-test lint install runtime sanitize wheels clean
 
 demo: install
 	$(BIN)/uvcloth demo --out demo
@@ -31,7 +31,11 @@ lint: install
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-install: $(INSTALLED)
+install: $(INSTALLED) runtime
+
+# Compiles what has changed since the installation.
+runtime: $(INSTALLED)
+	@$(BIN)/python runtime/compile.py
 
 $(INSTALLED): pyproject.toml setup.py constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -39,6 +43,29 @@ $(INSTALLED): pyproject.toml setup.py constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --progress-bar off --no-compile -c constraints.txt -e ".[all,dev]"
 	@touch $@
+
+# Runs the runtime's own tests, in which every access to memory and every overflow is watched.
+SANITIZED := build/sanitized
+SANITIZE = $(CXX) -std=c++20 -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -fno-exceptions \
+	-fno-rtti -Wall -Wextra -Wno-psabi -Iruntime/include -Iruntime/src
+HEADERS := $(wildcard runtime/include/*.h runtime/src/*.h)
+OBJECTS := $(patsubst runtime/src/%.cpp,$(SANITIZED)/%.o,$(wildcard runtime/src/*.cpp))
+CHECKS := $(patsubst runtime/tests/%.cpp,$(SANITIZED)/%,$(wildcard runtime/tests/*.cpp))
+
+sanitize: $(CHECKS)
+	@for check in $(CHECKS); do echo $$check; $$check || exit 1; done
+
+$(SANITIZED)/%.o: runtime/src/%.cpp $(HEADERS)
+	@mkdir -p $(@D)
+	$(SANITIZE) -c $< -o $@
+
+$(CHECKS): $(SANITIZED)/%: runtime/tests/%.cpp $(OBJECTS)
+	$(SANITIZE) $< $(OBJECTS) -o $@
+
+# Builds the wheels of uvcloth and of uvcloth-core for all platforms, into dist/.
+wheels: install
+	$(BIN)/python -m pip install --quiet ziglang==0.17.1 "setuptools>=80"
+	$(BIN)/python runtime/wheels.py dist
 
 clean:
 	rm -rf .venv build dist demo *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

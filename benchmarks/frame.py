@@ -48,8 +48,8 @@ STAGES = {
     "body": "uvcloth.bodies.stream:body_frames",
     "opened collider": "uvcloth.physics.outfit_clearing:OutfitClearing.collider",
     "solver": "uvcloth.methods.physics.outfit:step",
-    "clearing off the body": "uvcloth.physics.outfit_clearing:clear",
-    "covering of skin": "uvcloth.physics.covering:Covering.cover",
+    "clearing off the body": "uvcloth.player.clearing:Clearing.clear",
+    "covering of skin": "uvcloth.player.clearing:Clearing.cover",
     "clearing off layers": "uvcloth.physics.outfit_clearing:_lift",
     "network": "uvcloth.methods.physxnet.network:GarmentNet.forward",
 }

@@ -12,17 +12,19 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import Collider, compact, make_collider, touch_bits
 from uvcloth.bodies.opened import Opening, make_opening
 from uvcloth.bodies.stature import beside_adults
-from uvcloth.geometry.mesh import JoinedMesh, Mesh, WeldedMesh, join_meshes, unique_edges, welded
+from uvcloth.geometry.mesh import JoinedMesh, Mesh, WeldedMesh, join_meshes, welded
 from uvcloth.physics.cloth import moving_body
-from uvcloth.physics.cloth.clearing import FineMesh, FineState, clear, follow
-from uvcloth.physics.cloth.cloth import vertex_rings
-from uvcloth.physics.covering import Covering
+from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.layer_thickness import outfit_thickness
 from uvcloth.physics.layers import InnerLayer, Layer, inner_layer
 from uvcloth.physics.layers_between import kept_apart
+from uvcloth.player.clearing import Clearing, ClearingMemory
 
 CLEARANCE = 0.003
 """Metres that garments keep from the skin, and from each other."""
+
+COVERED_POINTS = 8000
+"""Points over the whole body that look for cloth beneath them: about one in a square of 15 mm."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +52,9 @@ class OutfitClearing:
 
     Clearances are for adults: size is the height of the body over that of the nearest adult. meshes: the
     garments, welded. closed: the body as closed parts. opening: moves these apart to give cloth room. used:
-    (C,) the collider's vertices of the parts that cloth may touch. fine, solid: for the kernel, of an adult's
-    size; cages_solid: the same collider for the cages. apart: (G, G) bool, pairs of garments that never meet.
-    layers: of each garment those beneath it that it may meet, by their places among the garments. covering:
-    of the skin that the garments cover at rest, in metres of this body.
+    (C,) the collider's vertices of the parts that cloth may touch. fine: of all garments, of an adult's size;
+    cages_solid: the same collider for the cages. apart: (G, G) bool, pairs of garments that never meet.
+    layers: of each garment those beneath it that it may meet, by their places among the garments.
     """
 
     size: float
@@ -61,12 +62,10 @@ class OutfitClearing:
     closed: Collider
     opening: Opening
     used: Tensor
-    fine: FineMesh
-    solid: moving_body.Body
+    fine: Clearing
     cages_solid: moving_body.Body
     apart: Tensor
     layers: tuple[dict[int, InnerLayer], ...]
-    covering: Covering
 
     @classmethod
     def of(cls, body: Body, meshes: Sequence[Mesh], cages: JoinedMesh | None = None) -> "OutfitClearing":
@@ -86,24 +85,34 @@ class OutfitClearing:
         touches, cages_touch = every.tensor_split([len(joined.vertices)], dim=1)
         used, faces = compact([part for part, is_met in zip(closed.parts, met, strict=True) if is_met])
         thickness, apart = outfit_thickness([points for points, _ in sized], sized), kept_apart(sized)
-        rings = vertex_rings(unique_edges(joined.faces).numpy(), len(joined.vertices))
         at_rest = closed.vertices(rest)[used].numpy()
-        solid = moving_body.make_body(at_rest, faces, touches[met].numpy())
+        unsized = join_meshes((each.points, each.faces) for each in garments)
+        covered = Exposure(body, [unsized], COVERED_POINTS).covered
+        sections = {
+            "collider.rest": at_rest,
+            "collider.faces": np.concatenate([np.zeros((0, 3), np.int64), *faces]),
+            "collider.starts": np.cumsum([0, *(len(part) for part in faces)]),
+            "cloth.rest": joined.vertices.numpy(),
+            "cloth.faces": joined.faces.numpy(),
+            "cloth.touches": touch_bits(touches[met]).numpy(),
+            "cloth.thickness": thickness.numpy(),
+            "skin.rest": rest.numpy(),
+            "skin.faces": body.mesh.faces.numpy(),
+            "covered.corners": covered.corners.numpy(),
+            "covered.weights": covered.barycentrics.numpy(),
+        }
         return cls(
             size,
             garments,
             closed,
             make_opening(closed.for_cloth(met), rest),
             used,
-            FineMesh(thickness.numpy(), *rings),
-            solid,
-            solid._replace(
-                touches=np.ascontiguousarray(cages_touch[met].numpy()),
-                crossed=np.ascontiguousarray(closed.crossed(cages_touch)[met].numpy()),
+            Clearing.of(sections),
+            moving_body.make_body(
+                at_rest, faces, cages_touch[met].numpy(), closed.crossed(cages_touch)[met].numpy()
             ),
             apart,
             tuple(_layers(sized, touch_bits(touches), apart)),
-            Covering.of(body, join_meshes((each.points, each.faces) for each in garments)),
         )
 
     def collider(self, body_vertices: Tensor) -> NDArray[np.float32]:
@@ -111,24 +120,18 @@ class OutfitClearing:
         vertices = self.closed.vertices(body_vertices.cpu() / self.size)
         return (self.size * self.opening.opened(vertices)[self.used]).numpy()
 
-    def start(self) -> FineState:
-        """State before the first frame, from which nothing is known."""
-        count = sum(len(each.points) for each in self.meshes)
-        return FineState(
-            np.zeros((count, 3), np.float32),
-            np.zeros((len(self.used), 3), np.float32),
-            moving_body.no_memory(self.solid),
-            0,
-        )
+    def start(self) -> ClearingMemory:
+        """Memory before the first frame, from which nothing is known."""
+        return self.fine.begin()
 
     def clear(
         self,
         points: Sequence[Tensor],
         collider: NDArray[np.float32],
         body_vertices: Tensor,
-        before: FineState,
+        before: ClearingMemory,
         effort: Effort,
-    ) -> tuple[FineState, tuple[Tensor, ...]]:
+    ) -> tuple[ClearingMemory, tuple[Tensor, ...]]:
         """Move the points (U, 3) m of each welded garment off the collider (C, 3) m, and off each other.
 
         body_vertices: (V, 3) m, the posed body, whose skin they cover. before: of the frame before, which
@@ -138,13 +141,11 @@ class OutfitClearing:
         origin = points[0].double().numpy().mean(0)
         near = ((torch.cat(list(points)).numpy() - origin) / self.size).astype(np.float32)
         body = ((collider - origin) / self.size).astype(np.float32)
-        fine = clear(
-            self.fine, self.solid, before, body, near, np.float32(CLEARANCE), np.float32(effort.reach)
-        )
+        memory, cleared = self.fine.clear(before, near, body, CLEARANCE, effort.reach)
+        skin = ((body_vertices.cpu().double().numpy() - origin) / self.size).astype(np.float32)
+        self.fine.cover(cleared, skin)
+        lifted = torch.from_numpy(cleared)
         sizes = [len(each.points) for each in self.meshes]
-        lifted = torch.from_numpy(fine.positions.copy())
-        skin = (body_vertices.cpu().double() - torch.from_numpy(origin)) / self.size
-        self.covering.cover(lifted, skin.float(), self._follow)
         for outer, layers in enumerate(self.layers):
             parts = lifted.split(sizes)
             for inner, beneath in layers.items():
@@ -153,9 +154,9 @@ class OutfitClearing:
                 moves = torch.zeros_like(lifted)
                 _lift(parts[outer], layers.values(), moves.split(sizes)[outer])
                 if turn < effort.lifts - 1:
-                    self._follow(lifted, moves)
+                    self.fine.follow(cleared, moves.numpy())
         garments = (self.size * lifted.double() + torch.from_numpy(origin)).float().split(sizes)
-        return fine, tuple(
+        return memory, tuple(
             vertices[mesh.places] for vertices, mesh in zip(garments, self.meshes, strict=True)
         )
 
@@ -167,10 +168,6 @@ class OutfitClearing:
         collider = self.collider(body_vertices)
         _, finished = self.clear(points, collider, body_vertices, self.start(), PREDICTED)
         return tuple(after.to(raw.device) for after, raw in zip(finished, garments, strict=True))
-
-    def _follow(self, positions: Tensor, moves: Tensor) -> None:
-        """Let vertices (U, 3) m that did not move follow their neighbours' moves (U, 3) m, in place."""
-        follow(self.fine, positions.numpy(), moves.numpy())
 
 
 def _layers(

@@ -19,7 +19,6 @@ from uvcloth.geometry.mesh import WeldedMesh, join_meshes, welded
 from uvcloth.geometry.rotations import from_axis_angles, heading, to_axis_angles
 from uvcloth.geometry.skeleton import joint_positions, joint_transforms, local_rotations, world_rotations
 from uvcloth.geometry.skinning import skin
-from uvcloth.physics.cloth.clearing import FineState
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.cloth.solver import (
     COMPILING,
@@ -36,6 +35,7 @@ from uvcloth.physics.cloth.solver import (
 )
 from uvcloth.physics.layer_thickness import outfit_thickness
 from uvcloth.physics.outfit_clearing import FOLLOWING, OutfitClearing
+from uvcloth.player.clearing import ClearingMemory
 
 LOGGER = logging.getLogger(__name__)
 
@@ -128,14 +128,14 @@ class CagedOutfit:
 class CagedState:
     """Cloth of one rollout, with the collider and the targets of its last frame.
 
-    body: (C, 3) m, the collider. targets: (n, 3) m that its cages were pulled to. fine: the points of all
-    garments in the frame that was shown last.
+    body: (C, 3) m, the collider. targets: (n, 3) m that its cages were pulled to. fine: what clearing
+    remembers of the frame that was shown last.
     """
 
     cloth: State
     body: NDArray[np.float32]
     targets: NDArray[np.float32]
-    fine: FineState
+    fine: ClearingMemory
 
     def displaced(self, way: NDArray[np.float64]) -> "CagedState":
         """The same displaced by (3,) m."""

@@ -1,0 +1,115 @@
+/* The runtime of uvcloth: garments that follow a body without Python.
+ *
+ * Conventions. Lengths are in metres, the z axis points up. Positions are float triples, x y z, one vertex
+ * after another. N vertices of cloth, V of the skin, C of the collider. Nothing here is global: functions on
+ * different objects may run at the same time. The same input gives the same bits on one machine.
+ *
+ * Bytes of an outfit are those that `uvcloth.player.sections.pack` writes; they may be freed after reading.
+ */
+#ifndef UVCLOTH_H
+#define UVCLOTH_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(_WIN32)
+#define UVC_API __declspec(dllexport)
+#else
+#define UVC_API __attribute__((visibility("default")))
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Whether this processor runs code for x86-64-v3 (AVX2, FMA, BMI2). */
+UVC_API int uvc_has_v3(void);
+
+/* --- Clearing: garments that lie in the skin by some millimetres are moved off it ----------------------- */
+
+/* Fine meshes of an outfit and the body that they are kept off. Immutable: any number of threads may use it. */
+typedef struct uvc_clearing uvc_clearing;
+
+/* Reads an outfit. Returns NULL and a sentence of at most `room` bytes, with its zero, in `message` if the
+ * bytes are cut, damaged, of another version, or do not fit together. Give it back by uvc_free_clearing. */
+UVC_API uvc_clearing *uvc_read_clearing(const void *bytes, size_t size, char *message, size_t room);
+UVC_API void uvc_free_clearing(uvc_clearing *clearing);
+
+/* Bytes of the memory from frame to frame, which the caller brings and may copy at any time. */
+UVC_API size_t uvc_clearing_memory(const uvc_clearing *clearing);
+
+/* Sets memory up before the first frame, from which nothing is known. */
+UVC_API void uvc_begin_clearing(const uvc_clearing *clearing, void *memory);
+
+/* Moves cloth (N) to at least `clearance` off the collider (C), in place. Both are around one origin, which
+ * may change from frame to frame. Cloth deeper in the body than `reach` stays there. */
+UVC_API void uvc_clear(const uvc_clearing *clearing, void *memory, float *cloth, const float *collider,
+                       float clearance, float reach);
+
+/* Moves cloth (N) over the skin (V) that it covers at rest and that comes through its faces, in place. */
+UVC_API void uvc_cover(const uvc_clearing *clearing, float *cloth, const float *skin);
+
+/* Lets vertices of cloth (N) that did not move follow the moves (N) of their neighbours, in place. */
+UVC_API void uvc_follow(const uvc_clearing *clearing, float *cloth, const float *moves);
+
+/* --- The solver: cloth moves through a frame ------------------------------------------------------------- */
+
+/* Cloth and the body that it collides with. Immutable: any number of threads may use it. */
+typedef struct uvc_solver uvc_solver;
+
+/* Reads cloth, as uvc_read_clearing reads an outfit. */
+UVC_API uvc_solver *uvc_read_solver(const void *bytes, size_t size, char *message, size_t room);
+UVC_API void uvc_free_solver(uvc_solver *solver);
+
+/* Parts of cloth that are near each other, with the sides on which they stay, from frame to frame; also the
+ * memory that a step needs. One belongs to one cloth at a time. */
+typedef struct uvc_pairs uvc_pairs;
+UVC_API uvc_pairs *uvc_make_pairs(void);
+UVC_API void uvc_free_pairs(uvc_pairs *pairs);
+
+/* Copies pairs in and out: points (P, 2), a vertex and a face; sides (P), +1 or -1 along the normal of the
+ * face; edges (Q, 2); directions (Q, 3), unit, from the second edge to the first. */
+UVC_API void uvc_set_pairs(uvc_pairs *pairs, const int32_t *points, const float *sides, int point_count,
+                           const int32_t *edges, const float *directions, int edge_count);
+UVC_API int uvc_point_pairs(const uvc_pairs *pairs);
+UVC_API int uvc_edge_pairs(const uvc_pairs *pairs);
+UVC_API void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides, int32_t *edges,
+                           float *directions);
+
+/* All that moves cloth in a frame, in a frame of reference that moves evenly.
+ *
+ * body_start, body_end: (C) before and after the frame. target_start, target_end: (N) that vertices are pulled
+ * to, with the frequency pull (N), 1/s, and the damping ratio damping (N); frequency 0 is not pulled.
+ * acceleration: (N) m/s2 from outside, or NULL. drift: m/s, of the frame of reference through the air. seconds:
+ * of the frame. radius: kept between cloth and body; self_radius: between cloth and cloth; self_margin: more
+ * within which cloth is watched. reach: how near the body, and how deep in it, cloth is looked for.
+ * substeps: at least 1. interval, body_interval, hinge_interval: substeps between two searches of cloth near
+ * cloth, of the body's faces, and two evaluations of the hinges. frame: number of earlier frames. renewal:
+ * frames from one search of all faces of the body for a vertex to the next. self_contact: 0 leaves it out. */
+typedef struct uvc_motion {
+    const float *body_start, *body_end, *target_start, *target_end, *pull, *damping, *acceleration;
+    float drift[3];
+    float seconds, radius, self_radius, self_margin, reach;
+    int32_t substeps, interval, body_interval, hinge_interval, frame, renewal, self_contact;
+} uvc_motion;
+
+/* Moves positions and velocities (N), m/s, through a frame. faces (K, N), clear (K, N): search results for
+ * each of K parts of the body, -1 and 0 before the first frame. */
+UVC_API void uvc_step(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
+                      int32_t *faces, float *clear, uvc_pairs *pairs);
+
+/* Faces and hinges of cloth alone, of so many vertices: for the longest stable step. */
+typedef struct uvc_elastic uvc_elastic;
+UVC_API uvc_elastic *uvc_read_elastic(const void *bytes, size_t size, int vertices, char *message,
+                                      size_t room);
+UVC_API void uvc_free_elastic(uvc_elastic *elastic);
+
+/* Adds the forces (N), N, of all faces and hinges at positions (N) and velocities (N). wind: (3) m/s. */
+UVC_API void uvc_add_forces(const uvc_elastic *elastic, const float *positions, const float *velocities,
+                            const float *wind, float *forces);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

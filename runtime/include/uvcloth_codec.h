@@ -1,0 +1,30 @@
+/* Entropy coding of whole numbers, as the shipped motions and rollouts are stored; and what a processor can. */
+#ifndef UVCLOTH_CODEC_H
+#define UVCLOTH_CODEC_H
+
+#include "uvcloth.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Encodes values (times, waves, columns), rows of the last axis first, into `code`, which has `room` bytes.
+ * Columns go together by threes. A value has at most 24 binary digits without its sign; each of them, and two
+ * decisions more, takes up to eight bytes. Returns the number of bytes, -1 if there is no memory, or -2 for a
+ * shape, stride or value that cannot be coded, or too little room. */
+UVC_API int64_t uvc_encode_numbers(const int64_t *values, int64_t times, int64_t waves, int64_t columns,
+                                   int64_t stride, uint8_t *code, int64_t room);
+
+/* Decodes `size` bytes of code into values (times, waves, columns). Any bytes give some numbers: callers keep
+ * a checksum of theirs. Returns 0, or -1 and -2 as above. */
+UVC_API int64_t uvc_decode_numbers(const uint8_t *code, int64_t size, int64_t *values, int64_t times,
+                                   int64_t waves, int64_t columns, int64_t stride);
+
+/* Whether this processor runs code for x86-64-v3 (AVX2, FMA, BMI), for which a second library is compiled. */
+UVC_API int uvc_has_v3(void);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,52 @@
+// Clearing: moves fine meshes off the skin, in which garments on cages may lie by a few millimetres, and over
+// skin that comes through their faces.
+#pragma once
+
+#include "collider.h"
+
+namespace uvc {
+
+// Points of the skin that the cloth covers at rest: corners and barycentrics on the body's faces, and their
+// places at rest, m.
+struct Covered {
+    Array<Face> corners;
+    Array<Vec> weights, rest;
+};
+
+// Fine meshes of an outfit. thickness: (N) m of other cloth between a vertex and the body. cloth, skin: the
+// surfaces that rays meet. rest: (N) m.
+struct Clearing {
+    Collider collider;
+    Rings rings;
+    Array<float> thickness;
+    Array<Vec> rest;
+    Surface cloth, skin;
+    Covered covered;
+    Arena arena;
+};
+
+// What is remembered of the frame before: cloth (N) and body (C) m, search results, and how many frames there
+// were.
+struct ClearingMemory {
+    Vec *cloth, *body;
+    Searched searched;
+    int32_t *frame;
+};
+
+// Reads what `read_collider` does, and "cloth.rest" (N, 3) m, "cloth.faces" (M, 3), "cloth.thickness" (N),
+// "skin.rest" (V, 3) m, "skin.faces" (F, 3), and of the covered points "covered.corners" (P, 3),
+// "covered.weights" (P, 3).
+void read_clearing(const Sections &sections, Clearing &clearing, Failure &failure);
+
+// Moves vertices (N) m to at least `clearance`, m, off the body at points (C) m, in place; skin deeper than
+// reach is not found. Uses and renews the memory of the frame before.
+void clear_skin(const Clearing &clearing, const ClearingMemory &memory, Vec *cloth, const Vec *body,
+                float clearance, float reach);
+
+// Moves cloth (N) m over the skin (V) m that it covers at rest and that comes through it, in place.
+void cover_skin(const Clearing &clearing, Vec *cloth, const Vec *skin);
+
+// Lets vertices that did not move follow the mean of their neighbours' moves (N) m, in place.
+void follow(const Rings &rings, Vec *cloth, const Vec *moves);
+
+}  // namespace uvc

@@ -1,0 +1,78 @@
+// The C interface of clearing.
+#include "clearing.h"
+#include "uvcloth.h"
+
+struct uvc_clearing {
+    uvc::Clearing data;
+};
+
+namespace uvc {
+
+namespace {
+
+// Views of the caller's memory: the frame's number, then places and search results.
+ClearingMemory laid_out(const Clearing &clearing, void *memory) {
+    int vertices = clearing.rest.size, rows = clearing.collider.parts * vertices;
+    int32_t *frame = static_cast<int32_t *>(memory), *faces = frame + 1;
+    float *clear = reinterpret_cast<float *>(faces + rows);
+    Vec *cloth = reinterpret_cast<Vec *>(clear + rows);
+    return {cloth, cloth + vertices, {faces, clear}, frame};
+}
+
+}  // namespace
+
+}  // namespace uvc
+
+extern "C" {
+
+uvc_clearing *uvc_read_clearing(const void *bytes, size_t size, char *message, size_t room) {
+    uvc::Failure failure{message, room};
+    void *place = calloc(1, sizeof(uvc_clearing));
+    if (!place) {
+        failure.say("there is no memory for the outfit");
+        return nullptr;
+    }
+    uvc_clearing *clearing = new (place) uvc_clearing;
+    uvc::Sections sections = uvc::read_sections(bytes, size, failure);
+    if (!failure.failed) uvc::read_clearing(sections, clearing->data, failure);
+    if (!failure.failed) return clearing;
+    uvc_free_clearing(clearing);
+    return nullptr;
+}
+
+void uvc_free_clearing(uvc_clearing *clearing) {
+    if (!clearing) return;
+    clearing->~uvc_clearing();
+    free(clearing);
+}
+
+size_t uvc_clearing_memory(const uvc_clearing *clearing) {
+    const uvc::Clearing &data = clearing->data;
+    size_t vertices = (size_t)data.rest.size, rows = vertices * (size_t)data.collider.parts;
+    return 4 + 8 * rows + sizeof(uvc::Vec) * (vertices + (size_t)data.collider.surface.vertices);
+}
+
+void uvc_begin_clearing(const uvc_clearing *clearing, void *memory) {
+    memset(memory, 0, uvc_clearing_memory(clearing));
+    int rows = clearing->data.collider.parts * clearing->data.rest.size;
+    for (int k = 0; k < rows; k++) uvc::laid_out(clearing->data, memory).searched.faces[k] = -1;
+}
+
+void uvc_clear(const uvc_clearing *clearing, void *memory, float *cloth, const float *collider,
+               float clearance, float reach) {
+    uvc::ClearingMemory views = uvc::laid_out(clearing->data, memory);
+    uvc::clear_skin(clearing->data, views, reinterpret_cast<uvc::Vec *>(cloth),
+                    reinterpret_cast<const uvc::Vec *>(collider), clearance, reach);
+}
+
+void uvc_cover(const uvc_clearing *clearing, float *cloth, const float *skin) {
+    uvc::cover_skin(clearing->data, reinterpret_cast<uvc::Vec *>(cloth),
+                    reinterpret_cast<const uvc::Vec *>(skin));
+}
+
+void uvc_follow(const uvc_clearing *clearing, float *cloth, const float *moves) {
+    uvc::follow(clearing->data.rings, reinterpret_cast<uvc::Vec *>(cloth),
+                reinterpret_cast<const uvc::Vec *>(moves));
+}
+
+}  // extern "C"

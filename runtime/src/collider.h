@@ -1,0 +1,87 @@
+// The body as closed parts that cloth may touch, and the closest skin of vertices while it moves.
+#pragma once
+
+#include "sections.h"
+#include "surface.h"
+
+namespace uvc {
+
+// vertices: of each part, from vertex_starts on. touches: for each vertex of the cloth, a bit for every part
+// that it may touch; crossed: for every part that it may be inside of without a touch.
+struct Collider {
+    Surface surface;
+    int parts;
+    Array<int32_t> vertices, vertex_starts, touches, crossed;
+};
+
+// Reads "collider.rest" (C, 3) m, "collider.faces" (F, 3), "collider.starts" (K + 1) the first face of each
+// part, "cloth.touches" (N), and "cloth.crossed" (N) where it is there.
+Collider read_collider(const Sections &sections, Arena &arena, Failure &failure);
+
+// Search results of a frame that the next one starts from. faces: (K N), the closest face of each part, -1
+// for none. clear: (K N) m, a distance within which there is none.
+struct Searched {
+    int32_t *faces;
+    float *clear;
+};
+
+// How a part moves in a frame: on average, and the most by which one of its vertices differs from that, m.
+struct PartWay {
+    Vec mean;
+    float most;
+};
+
+// The body on its way through a frame, from start to end (C) m, and the results of its searches.
+//
+// points, boxes: at the last search; fitted: number of the search in which each part's boxes were fitted.
+// hints: (K N) faces found by it, -1 for none. before: results of the last frame, of which `clear` is renewed.
+// at: (K N) share of the way at the last search of all faces. cloth: (N) m at the last search, at a share of
+// the way; searches: their number so far. turn: number of the frame. renewal: frames from one search of all
+// faces for a vertex to the next; in between it is followed over neighbouring ones.
+struct Passage {
+    const Vec *start, *end;
+    Array<Vec> points, cloth;
+    Array<Box> boxes;
+    Array<int32_t> fitted, hints;
+    Searched before;
+    Array<float> at;
+    Array<PartWay> ways;
+    float share;
+    int searches, turn, renewal;
+};
+
+// Begins a frame of the body, and of cloth (N) m that has not moved yet.
+Passage begin_passage(const Collider &collider, const Vec *start, const Vec *end, const Vec *cloth,
+                      Searched before, int turn, int renewal, Arena &work);
+
+// Stores what the next frame needs in `before`, with cloth (N) m at the end of the frame.
+void end_passage(const Collider &collider, Passage &passage, const Vec *cloth);
+
+// Motion and distances by which a search decides what may touch until the next one.
+//
+// velocities: (N) m/s, or null for cloth that does not move. near: (N) m, distance from which a vertex
+// touches. interval: share of the frame until the next search. seconds: of the frame. reach: m, how far outside
+// and how deep in the body a face is found. followed: m outside the body up to which a vertex that had a face
+// is followed over neighbouring faces, longer than LONGEST after a search of all of them.
+struct Watch {
+    const Vec *velocities;
+    const float *near;
+    float interval, seconds, reach, followed;
+};
+
+// A vertex near a part, and the closest face there.
+struct Near {
+    int32_t vertex, face;
+};
+
+// Finds the closest face of every part that a vertex touches, or may touch until the next search, with the
+// body at a share of its way. Returns how many were put into found (K N).
+int find_near(const Collider &collider, Passage &passage, float share, const Vec *cloth, const Watch &watch,
+              Array<Near> found);
+
+// Finds the parts that cloth (N) m is inside of, of those that it may cross: a bit for each in caught (N).
+// Returns whether there is any.
+bool find_caught(const Collider &collider, const Vec *body, const Vec *cloth, Array<Box> boxes,
+                 int32_t *caught);
+
+}  // namespace uvc

@@ -1,0 +1,48 @@
+// A baked outfit as bytes: named arrays one after another, which are checked before anything reads them.
+#pragma once
+
+#include <stdarg.h>
+
+#include "memory.h"
+
+namespace uvc {
+
+// What went wrong, as one sentence in a buffer that the caller brought.
+struct Failure {
+    char *message;
+    size_t room;
+    bool failed = false;
+
+    // Notes the first failure. The format knows %s and %d.
+    void say(const char *format, ...);
+};
+
+// Sections of a file, as `uvcloth.player.sections` writes them.
+struct Sections {
+    const uint8_t *bytes;
+    size_t size;
+    uint32_t count;
+};
+
+// Checks header, checksum and the places of all sections.
+Sections read_sections(const void *bytes, size_t size, Failure &failure);
+
+// Whether there is a section of that name.
+bool has(const Sections &sections, const char *name);
+
+// Copies a section, of `columns` numbers a row, into an arena. Floats have to be finite. A section that is
+// absent, of another type, or not of `rows` rows (if that is not -1) is a failure, and an empty array.
+Array<float> read_floats(const Sections &, const char *name, int rows, int columns, Arena &, Failure &);
+Array<int32_t> read_integers(const Sections &, const char *name, int rows, int columns, Arena &, Failure &);
+
+// The same for indices, each of which has to be from `low` up to, not including, `high`.
+Array<int32_t> read_indices(const Sections &, const char *name, int rows, int columns, int low, int high,
+                            Arena &, Failure &);
+
+// Rows of a jagged array: `count` + 1 starts that never fall, from 0 to `total`.
+Array<int32_t> read_starts(const Sections &, const char *name, int count, int total, Arena &, Failure &);
+
+// One number of a section of one row.
+float read_number(const Sections &, const char *name, Failure &);
+
+}  // namespace uvc

@@ -1,0 +1,102 @@
+// Contact of cloth with itself, and of layers: vertices with faces, edges with edges, each on its side.
+#pragma once
+
+#include "body_contact.h"
+
+namespace uvc {
+
+// Two vertices, the ends of an edge, or a vertex and a face, or two edges.
+struct Two {
+    int32_t first, second;
+};
+
+// Cone around the normals of a node's faces: axis, and cosine of the half angle, -1 from a quarter turn on.
+struct Cone {
+    Vec axis;
+    float cosine;
+};
+
+// Surface of cloth for contact with itself. Each piece of cloth is a part of the surface.
+//
+// owned: for each face, bits 0 to 2 of the corners and bits 3 to 5 of the edges (corner i to i + 1) that it
+// stands for, so that each is tested once. face_edges: into edges. connected: nodes whose faces are one patch.
+// halves, following: where a walk through pairs of nodes goes on; see `Walk` in self_contact.cpp. apart:
+// (K, K) whether two pieces do not touch. spacing: m, least distance of vertices along the mesh that are no
+// neighbours, in slightly squeezed cloth.
+struct Sheet {
+    Surface surface;
+    Array<Two> edges;
+    Array<int32_t> owned;
+    Array<Face> face_edges;
+    Rings rings;
+    Array<int32_t> connected, halves;
+    Array<Two> following;
+    Array<int32_t> apart;
+    float spacing;
+};
+
+// Reads "cloth.rest" (N, 3) m, "sheet.faces" (M, 3), "sheet.starts" (K + 1) the first face of each piece,
+// "sheet.edges" (E, 2), "sheet.owned" (M), "sheet.face_edges" (M, 3), "sheet.apart" (K, K) and
+// "sheet.spacing" (1).
+Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure);
+
+// A vertex near a face: the side, +1 or -1 along its normal, on which the vertex stays.
+struct PointPair {
+    Two two;
+    float side;
+};
+
+// Two edges near each other, and the unit direction from the second to the first.
+struct EdgePair {
+    Two two;
+    Vec direction;
+};
+
+// Rows that grow. Memory is given back with the list.
+template <class T> struct List {
+    Array<T> items;
+    int room = 0;
+
+    List() = default;
+    List(const List &) = delete;
+    ~List() { free(items.data); }
+    void clear() { items.size = 0; }
+    void add(T item) {
+        if (items.size == room) {
+            room = most(2 * room, 256);
+            items.data = static_cast<T *>(realloc(items.data, sizeof(T) * (size_t)room));
+            if (!items.data) __builtin_trap();
+        }
+        items.data[items.size++] = item;
+    }
+};
+
+// Pairs that are near, with the substeps until each is looked at again, and what a search needs.
+struct SelfContact {
+    List<PointPair> points, points_before;
+    List<EdgePair> edges, edges_before;
+    List<int32_t> point_wait, edge_wait;
+    List<Two> leaves;
+    List<int32_t> starts, order;
+    Array<Box> boxes, speeds;
+    Array<Cone> cones;
+};
+
+// Finds the pairs of the cloth that are within margin, m, or may get there within an interval, s. Sides of
+// pairs that were there before are remembered.
+//
+// A patch of the mesh whose normals lie in a narrow cone is not tested against itself (Volino and
+// Magnenat-Thalmann 1994): at a half angle a, points that are `spacing` apart along it keep a distance of
+// spacing cos(a), more than the margin.
+void find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities, float margin, float interval,
+                SelfContact &contact);
+
+// Drops the pairs of cloth that is inside a part of the body which the other cloth touches: mocap moves
+// forearms through knees, and a sleeve there would push the trousers off the leg. caught: (N) bits of parts.
+void drop_caught(const Sheet &sheet, const Collider &collider, const int32_t *caught, SelfContact &contact);
+
+// Keeps pairs `radius`, m, apart on their sides, without a bounce, with friction. step: s.
+void resolve_pairs(const Sheet &sheet, SelfContact &contact, Vec *positions, Vec *velocities,
+                   const Particles &particles, float radius, float step);
+
+}  // namespace uvc

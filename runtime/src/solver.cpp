@@ -1,0 +1,142 @@
+#include "solver.h"
+
+namespace uvc {
+
+namespace {
+
+constexpr float GRAVITY = 9.81f;
+
+// Metres more than where cloth touches the body within which it is watched.
+constexpr float WATCHED = 0.004f;
+
+// Metres from the body up to which a vertex is followed: farther off, a face elsewhere may be closer.
+constexpr float CLOSE = 0.01f;
+
+const Vec *vectors(const float *numbers) { return reinterpret_cast<const Vec *>(numbers); }
+
+// Sets forces to the weight plus mass times an acceleration from outside, and copies rows.
+void begin_substep(const Solver &solver, const uvc_motion &motion, const Vec *positions, const Vec *velocities,
+                   Array<Row> rows, Array<Force> forces) {
+    const Vec *acceleration = vectors(motion.acceleration);
+    for (int k = 0; k < rows.size; k++) {
+        Vec x = positions[k], v = velocities[k];
+        rows.at(k) = {{x.x, x.y, x.z, 0, v.x, v.y, v.z, 0}};
+        float mass = solver.particles.mass.at(k);
+        Force force{0, 0, -GRAVITY * solver.particles.weight.at(k) * mass, 0};
+        if (acceleration)
+            force += Force{mass * acceleration[k].x, mass * acceleration[k].y, mass * acceleration[k].z, 0};
+        forces.at(k) = force;
+    }
+}
+
+// Adds the forces of damped springs to the targets, at a share of the way through the frame.
+void add_pull(const Solver &solver, const uvc_motion &motion, Array<int32_t> pulled, float share,
+              const Vec *positions, const Vec *velocities, Array<Force> forces) {
+    const Vec *start = vectors(motion.target_start), *end = vectors(motion.target_end);
+    for (int32_t k : pulled) {
+        float rate = motion.pull[k], mass = solver.particles.mass.at(k);
+        Vec way = end[k] - start[k], error = start[k] + share * way - positions[k];
+        Vec lag = (1 / motion.seconds) * way - velocities[k];
+        Vec force = (mass * rate) * (rate * error + (2 * motion.damping[k]) * lag);
+        forces.at(k) += Force{force.x, force.y, force.z, 0};
+    }
+}
+
+// Symplectic Euler. rounded: rounding errors of the positions: without them slow vertices would not move in
+// small substeps.
+void integrate(const Solver &solver, Array<Force> forces, float step, Vec *positions, Vec *velocities,
+               Array<Vec64> rounded) {
+    for (int k = 0; k < forces.size; k++) {
+        Force force = forces.at(k);
+        velocities[k] += (step * solver.particles.inverse_mass.at(k)) * Vec{force[0], force[1], force[2]};
+        Vec64 exact = wide(positions[k]) + rounded.at(k) + (double)step * wide(velocities[k]);
+        positions[k] = narrow(exact);
+        rounded.at(k) = exact - wide(positions[k]);
+    }
+}
+
+}  // namespace
+
+void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
+    Arena &arena = solver.arena;
+    solver.sheet = read_sheet(sections, arena, failure);
+    int vertices = solver.sheet.surface.vertices;
+    solver.elastic = read_elastic(sections, vertices, arena, failure);
+    solver.collider = read_collider(sections, arena, failure);
+    Particles &p = solver.particles;
+    p.mass = read_floats(sections, "particles.mass", vertices, 1, arena, failure);
+    p.weight = read_floats(sections, "particles.weight", vertices, 1, arena, failure);
+    p.thickness = read_floats(sections, "particles.thickness", vertices, 1, arena, failure);
+    p.friction = read_floats(sections, "particles.friction", vertices, 1, arena, failure);
+    if (!failure.failed && solver.collider.touches.size != vertices)
+        failure.say("section cloth.touches of the outfit has not a row for each vertex");
+    if (failure.failed) return;
+    p.inverse_mass = arena.take<float>(vertices);
+    for (int k = 0; k < vertices; k++) {
+        if (!(p.mass[k] > 0)) failure.say("vertex %d of the outfit has no mass", k);
+        p.inverse_mass[k] = 1 / p.mass[k];
+    }
+}
+
+void step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *velocities, Searched searched,
+          SelfContact &contact) {
+    const Collider &collider = solver.collider;
+    int vertices = solver.particles.mass.size;
+    Arena work;
+    Array<Row> rows = work.take<Row>(vertices);
+    Array<Force> forces = work.take<Force>(vertices);
+    Array<Vec64> rounded = work.take<Vec64>(vertices);
+    contact.boxes = work.take<Box>(solver.sheet.surface.nodes.size);
+    contact.speeds = work.take<Box>(solver.sheet.surface.nodes.size);
+    contact.cones = work.take<Cone>(solver.sheet.surface.nodes.size);
+    Passage passage =
+        begin_passage(collider, vectors(motion.body_start), vectors(motion.body_end), positions, searched,
+                      motion.frame, motion.renewal, work);
+    Array<int32_t> caught = work.take<int32_t>(vertices);
+    bool any_caught =
+        find_caught(collider, vectors(motion.body_start), positions, passage.boxes, caught.data);
+    Array<float> watched = work.take<float>(vertices);
+    for (int k = 0; k < vertices; k++)
+        watched[k] = motion.radius + WATCHED + solver.particles.thickness[k];
+    Watch watch{velocities, watched.data, (float)motion.body_interval / (float)motion.substeps,
+                motion.seconds, motion.reach, CLOSE};
+    Array<Near> found = work.take<Near>(collider.parts * vertices);
+    Array<Contact> near = work.take<Contact>(collider.parts * vertices), contacts{near.data, 0};
+    Normals normals{work.take<Vec>(collider.surface.vertices), work.take<int32_t>(collider.surface.vertices)};
+    Array<int32_t> pulled = work.take<int32_t>(vertices);
+    pulled.size = 0;
+    for (int k = 0; k < vertices; k++)
+        if (motion.pull[k] != 0) pulled[pulled.size++] = k;
+    Vec wind{motion.drift[0], motion.drift[1], motion.drift[2]};
+    float step = motion.seconds / (float)motion.substeps;
+    for (int substep = 0; substep < motion.substeps; substep++) {
+        float share = (float)(substep + 1) / (float)motion.substeps;
+        begin_substep(solver, motion, positions, velocities, rows, forces);
+        add_membrane_forces(solver.elastic.membrane, rows.data, wind, forces.data);
+        if (substep % motion.hinge_interval == 0)
+            add_hinge_forces(solver.elastic.hinges, rows.data,
+                             (float)least(motion.hinge_interval, motion.substeps - substep), forces.data);
+        add_pull(solver, motion, pulled, share, positions, velocities, forces);
+        integrate(solver, forces, step, positions, velocities, rounded);
+        if (motion.self_contact) {
+            if (substep % motion.interval == 0) {
+                find_pairs(solver.sheet, positions, velocities, motion.self_radius + motion.self_margin,
+                           step * (float)motion.interval, contact);
+                if (any_caught) drop_caught(solver.sheet, collider, caught.data, contact);
+            }
+            resolve_pairs(solver.sheet, contact, positions, velocities, solver.particles, motion.self_radius,
+                          step);
+        }
+        if (collider.surface.faces.size == 0) continue;
+        if (substep % motion.body_interval == 0) {
+            contacts.size = find_near(collider, passage, share, positions, watch, found);
+            for (int k = 0; k < contacts.size; k++)
+                contacts[k] = {found[k].vertex, found[k].face, 0, 0, {}, {}, {}};
+        }
+        resolve_contacts(contacts, collider, passage, normals, share, positions, velocities,
+                         solver.particles, motion.radius, step, motion.seconds);
+    }
+    end_passage(collider, passage, positions);
+}
+
+}  // namespace uvc

@@ -1,0 +1,27 @@
+// The cloth solver: symplectic Euler in many small substeps, with contact, frame by frame.
+#pragma once
+
+#include "elastic.h"
+#include "self_contact.h"
+#include "uvcloth.h"
+
+namespace uvc {
+
+struct Solver {
+    Elastic elastic;
+    Particles particles;
+    Sheet sheet;
+    Collider collider;
+    Arena arena;
+};
+
+// Reads what `read_elastic`, `read_sheet` and `read_collider` do, and "particles.mass" (N) kg,
+// "particles.weight" (N) the share of the mass on which gravity acts, "particles.thickness" (N) m,
+// "particles.friction" (N).
+void read_solver(const Sections &sections, Solver &solver, Failure &failure);
+
+// Moves cloth through a frame; see uvc_step in uvcloth.h.
+void step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *velocities, Searched searched,
+          SelfContact &contact);
+
+}  // namespace uvc

@@ -1,0 +1,120 @@
+// The C interface of the solver.
+#include "solver.h"
+
+struct uvc_solver {
+    uvc::Solver data;
+};
+
+struct uvc_elastic {
+    uvc::Elastic data;
+    uvc::Arena arena;
+};
+
+struct uvc_pairs {
+    uvc::SelfContact data;
+};
+
+namespace uvc {
+
+namespace {
+
+template <class T> T *make() {
+    void *place = calloc(1, sizeof(T));
+    if (!place) __builtin_trap();
+    return new (place) T;
+}
+
+template <class T> void drop(T *object) {
+    if (!object) return;
+    object->~T();
+    free(object);
+}
+
+}  // namespace
+
+}  // namespace uvc
+
+extern "C" {
+
+uvc_solver *uvc_read_solver(const void *bytes, size_t size, char *message, size_t room) {
+    uvc::Failure failure{message, room};
+    uvc_solver *solver = uvc::make<uvc_solver>();
+    uvc::Sections sections = uvc::read_sections(bytes, size, failure);
+    if (!failure.failed) uvc::read_solver(sections, solver->data, failure);
+    if (!failure.failed) return solver;
+    uvc_free_solver(solver);
+    return nullptr;
+}
+
+void uvc_free_solver(uvc_solver *solver) { uvc::drop(solver); }
+
+uvc_pairs *uvc_make_pairs(void) { return uvc::make<uvc_pairs>(); }
+
+void uvc_free_pairs(uvc_pairs *pairs) { uvc::drop(pairs); }
+
+void uvc_set_pairs(uvc_pairs *pairs, const int32_t *points, const float *sides, int point_count,
+                   const int32_t *edges, const float *directions, int edge_count) {
+    uvc::SelfContact &contact = pairs->data;
+    contact.points.clear();
+    contact.edges.clear();
+    const uvc::Vec *ways = reinterpret_cast<const uvc::Vec *>(directions);
+    for (int k = 0; k < point_count; k++)
+        contact.points.add({{points[2 * k], points[2 * k + 1]}, sides[k]});
+    for (int k = 0; k < edge_count; k++) contact.edges.add({{edges[2 * k], edges[2 * k + 1]}, ways[k]});
+}
+
+int uvc_point_pairs(const uvc_pairs *pairs) { return pairs->data.points.items.size; }
+
+int uvc_edge_pairs(const uvc_pairs *pairs) { return pairs->data.edges.items.size; }
+
+void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides, int32_t *edges, float *directions) {
+    uvc::Vec *ways = reinterpret_cast<uvc::Vec *>(directions);
+    for (const uvc::PointPair &pair : pairs->data.points.items) {
+        *points++ = pair.two.first;
+        *points++ = pair.two.second;
+        *sides++ = pair.side;
+    }
+    for (const uvc::EdgePair &pair : pairs->data.edges.items) {
+        *edges++ = pair.two.first;
+        *edges++ = pair.two.second;
+        *ways++ = pair.direction;
+    }
+}
+
+void uvc_step(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
+              int32_t *faces, float *clear, uvc_pairs *pairs) {
+    uvc::step(solver->data, *motion, reinterpret_cast<uvc::Vec *>(positions),
+              reinterpret_cast<uvc::Vec *>(velocities), {faces, clear}, pairs->data);
+}
+
+uvc_elastic *uvc_read_elastic(const void *bytes, size_t size, int vertices, char *message, size_t room) {
+    uvc::Failure failure{message, room};
+    uvc_elastic *elastic = uvc::make<uvc_elastic>();
+    uvc::Sections sections = uvc::read_sections(bytes, size, failure);
+    if (!failure.failed) elastic->data = uvc::read_elastic(sections, vertices, elastic->arena, failure);
+    if (!failure.failed) return elastic;
+    uvc_free_elastic(elastic);
+    return nullptr;
+}
+
+void uvc_free_elastic(uvc_elastic *elastic) { uvc::drop(elastic); }
+
+void uvc_add_forces(const uvc_elastic *elastic, const float *positions, const float *velocities,
+                    const float *wind, float *forces) {
+    uvc::Arena work;
+    int vertices = elastic->data.vertices;
+    uvc::Array<uvc::Row> rows = work.take<uvc::Row>(vertices);
+    uvc::Array<uvc::Force> sums = work.take<uvc::Force>(vertices);
+    for (int k = 0; k < vertices; k++)
+        for (int j = 0; j < 3; j++) {
+            rows[k].numbers[j] = positions[3 * k + j];
+            rows[k].numbers[4 + j] = velocities[3 * k + j];
+            sums[k][j] = forces[3 * k + j];
+        }
+    uvc::add_membrane_forces(elastic->data.membrane, rows.data, {wind[0], wind[1], wind[2]}, sums.data);
+    uvc::add_hinge_forces(elastic->data.hinges, rows.data, 1, sums.data);
+    for (int k = 0; k < vertices; k++)
+        for (int j = 0; j < 3; j++) forces[3 * k + j] = sums[k][j];
+}
+
+}  // extern "C"

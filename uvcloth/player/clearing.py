@@ -1,0 +1,82 @@
+"""Clearing by the runtime: fine meshes are moved off the skin and over it."""
+
+import ctypes
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvcloth.player.handles import pointer, read_outfit
+from uvcloth.player.library import library
+from uvcloth.player.sections import pack
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class ClearingMemory:
+    """Memory of a clearing from one frame to the next, as bytes of the runtime."""
+
+    content: NDArray[np.uint8]
+
+    @property
+    def frame(self) -> int:
+        """Number of earlier frames."""
+        return int(self.content[:4].view(np.int32)[0])
+
+
+class Clearing:
+    """Fine meshes of an outfit and the body that they are kept off, in the runtime (uvcloth.h)."""
+
+    def __init__(self, content: bytes) -> None:
+        """Read packed sections. Raises ValueError with the runtime's sentence if they do not fit together."""
+        self._content = content
+        self._handle = read_outfit(self, content, "uvc_read_clearing", "uvc_free_clearing")
+
+    def __reduce__(self) -> tuple[type[Self], tuple[bytes]]:
+        """Pickle the sections; the runtime reads them again."""
+        return type(self), (self._content,)
+
+    @classmethod
+    def of(cls, sections: Mapping[str, NDArray[Any]]) -> Self:
+        """Read sections by their names, as runtime/src/clearing.h lists them."""
+        return cls(pack(sections))
+
+    def begin(self) -> ClearingMemory:
+        """Memory before the first frame, from which nothing is known."""
+        size = library().uvc_clearing_memory
+        size.restype = ctypes.c_size_t
+        content = np.empty(size(self._handle), np.uint8)
+        library().uvc_begin_clearing(self._handle, pointer(content))
+        return ClearingMemory(content)
+
+    def clear(
+        self, before: ClearingMemory, cloth: Floats, collider: Floats, clearance: float, reach: float
+    ) -> tuple[ClearingMemory, Floats]:
+        """Move cloth (N, 3) m to at least a clearance, m, off a collider (C, 3) m around the same origin.
+
+        before: of the frame before. reach: metres within which the skin is searched; deeper vertices stay.
+        Returns the memory for the next frame, and the cloth.
+        """
+        content, cleared = before.content.copy(), np.array(cloth, np.float32, order="C")
+        points = np.ascontiguousarray(collider, np.float32)
+        library().uvc_clear(
+            self._handle,
+            pointer(content),
+            pointer(cleared),
+            pointer(points),
+            ctypes.c_float(clearance),
+            ctypes.c_float(reach),
+        )
+        return ClearingMemory(content), cleared
+
+    def cover(self, cloth: Floats, skin: Floats) -> None:
+        """Move cloth (N, 3) m over the skin (V, 3) m that it covers at rest and that shows, in place."""
+        points = np.ascontiguousarray(skin, np.float32)
+        library().uvc_cover(self._handle, pointer(cloth), pointer(points))
+
+    def follow(self, cloth: Floats, moves: Floats) -> None:
+        """Let vertices (N, 3) m that did not move follow their neighbours' moves (N, 3) m, in place."""
+        library().uvc_follow(self._handle, pointer(cloth), pointer(moves))
