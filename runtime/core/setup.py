@@ -1,4 +1,4 @@
-"""The package `uvcloth_core`, which is `uvcloth.player` by another name: both may be installed side by side."""
+"""The package `uvcloth_core`: `uvcloth.player` by another name, so that both may be installed side by side."""
 
 import sys
 

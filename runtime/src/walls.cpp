@@ -1,0 +1,272 @@
+#include "walls.h"
+
+namespace uvc {
+
+namespace {
+
+// Metres within which points of two parts act on each other; points that are deeper inside stay there.
+constexpr float REACH = 0.08f;
+
+// Cosine between normals below which two skins face each other: the far side of a limb does not count.
+constexpr float FACING = 0.5f;
+
+// Metres that stand for no distance.
+constexpr float FAR = 1e9f;
+
+typedef Vector<Lanes> Vecs;
+
+UVC_INLINE Lanes load(const float *numbers) {
+    Lanes lanes;
+    __builtin_memcpy(&lanes, numbers, sizeof(lanes));
+    return lanes;
+}
+
+UVC_INLINE Vecs load(const float (*columns)[LANES]) {
+    return {load(columns[0]), load(columns[1]), load(columns[2])};
+}
+
+UVC_INLINE Vecs repeat(Vec a) { return {Lanes{} + a.x, Lanes{} + a.y, Lanes{} + a.z}; }
+
+UVC_INLINE Vec pick(const float (*columns)[LANES], int lane) {
+    return {columns[0][lane], columns[1][lane], columns[2][lane]};
+}
+
+UVC_INLINE void put(float (*columns)[LANES], int lane, Vec a) {
+    columns[0][lane] = a.x;
+    columns[1][lane] = a.y;
+    columns[2][lane] = a.z;
+}
+
+// A bit for each lane in which a condition holds.
+UVC_INLINE int bits(LaneMask mask) {
+    mask &= LaneMask{1, 2, 4, 8, 16, 32, 64, 128};
+    mask |= __builtin_shufflevector(mask, mask, 4, 5, 6, 7, 0, 1, 2, 3);
+    mask |= __builtin_shufflevector(mask, mask, 2, 3, 0, 1, 6, 7, 4, 5);
+    mask |= __builtin_shufflevector(mask, mask, 1, 0, 3, 2, 5, 4, 7, 6);
+    return mask[0];
+}
+
+UVC_INLINE float sum(Lanes a) {
+    a += __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3);
+    a += __builtin_shufflevector(a, a, 2, 3, 0, 1, 6, 7, 4, 5);
+    return a[0] + a[1];
+}
+
+UVC_INLINE Vec sum(Vecs a) { return {sum(a.x), sum(a.y), sum(a.z)}; }
+
+// A box around points, m.
+struct Range {
+    Vec low{FAR, FAR, FAR}, high{-FAR, -FAR, -FAR};
+};
+
+UVC_INLINE void widen(Range &range, Vec low, Vec high) {
+    range.low = {least(range.low.x, low.x), least(range.low.y, low.y), least(range.low.z, low.z)};
+    range.high = {most(range.high.x, high.x), most(range.high.y, high.y), most(range.high.z, high.z)};
+}
+
+// Lanes whose boxes are within reach of a box.
+UVC_INLINE LaneMask within_reach(const Bounds &bounds, Range box) {
+    Vecs below = load(bounds.low) - repeat(box.high), beyond = repeat(box.low) - load(bounds.high);
+    Vecs gap = {most(most(below.x, beyond.x), 0.0f), most(most(below.y, beyond.y), 0.0f),
+                most(most(below.z, beyond.z), 0.0f)};
+    return dot(gap, gap) < REACH * REACH;
+}
+
+Range range_of(const Bounds &bounds, int lane) { return {pick(bounds.low, lane), pick(bounds.high, lane)}; }
+
+// Sets places and boxes of the tiles of a group. Returns the box around them.
+Range place_group(const Sides &sides, int group, const Vec *corners, Walls &walls) {
+    Range all;
+    for (int lane = 0; lane < LANES; lane++) {
+        Tile &tile = walls.tiles[LANES * group + lane];
+        const int32_t *vertices = sides.vertices.data + LANES * (LANES * group + lane);
+        Range box;
+        for (int k = 0; k < LANES && vertices[k] >= 0; k++) {
+            Vec place = corners[vertices[k]];
+            put(tile.start, k, place);
+            widen(box, place, place);
+        }
+        put(walls.bounds[group].low, lane, box.low);
+        put(walls.bounds[group].high, lane, box.high);
+        widen(all, box.low, box.high);
+    }
+    return all;
+}
+
+// Marks the tiles of a side and of the next one that are within reach of each other.
+void mark_near(const Sides &sides, int side, Range next, Walls &walls) {
+    int middle = sides.starts[side + 1], end = sides.starts[side + 2];
+    for (int group = sides.starts[side]; group < middle; group++) {
+        int left = bits(within_reach(walls.bounds[group], next));
+        for (int lane = 0; left; lane++, left >>= 1) {
+            if (!(left & 1)) continue;
+            Range box = range_of(walls.bounds[group], lane);
+            for (int other = middle; other < end; other++) {
+                int near = bits(within_reach(walls.bounds[other], box));
+                walls.near[other] |= near;
+                if (near) walls.near[group] |= 1 << lane;
+            }
+        }
+    }
+}
+
+Vec outward(const Sides &sides, int vertex, const Vec *corners) {
+    Vec point = corners[vertex], normal{};
+    for (int k = sides.ring_starts[vertex]; k < sides.ring_starts[vertex + 1]; k++)
+        normal += cross(corners[sides.rings[2 * k]] - point, corners[sides.rings[2 * k + 1]] - point);
+    return (1.0f / most(length(normal), 1e-12f)) * normal;
+}
+
+// Sets normals of a tile, and what bounds them.
+void turn_tile(const Sides &sides, int index, const Vec *corners, Walls &walls) {
+    Tile &tile = walls.tiles[index];
+    Bounds &bounds = walls.bounds[index / LANES];
+    const int32_t *vertices = sides.vertices.data + LANES * index;
+    memcpy(tile.place, tile.start, sizeof(tile.place));
+    Vec total{};
+    for (int k = 0; k < LANES && vertices[k] >= 0; k++) {
+        Vec normal = outward(sides, vertices[k], corners);
+        put(tile.normal, k, normal);
+        total += normal;
+    }
+    Vec axis = unit(total);
+    float spread = 0;
+    for (int k = 0; k < LANES && vertices[k] >= 0; k++)
+        spread = most(spread, length(pick(tile.normal, k) - axis));
+    put(bounds.axis, index % LANES, axis);
+    bounds.spread[index % LANES] = spread;
+}
+
+}  // namespace
+
+Sides read_sides(const Sections &sections, int vertices, Arena &arena, Failure &failure) {
+    Arena work;
+    Sides sides{};
+    int count = read_integers(sections, "opening.starts", -1, 1, work, failure).size - 1;
+    sides.points = read_indices(sections, "opening.points", -1, 1, 0, vertices, arena, failure);
+    int points = sides.points.size;
+    if (!failure.failed && (count < 0 || count % 2)) failure.say("opening.starts is not of pairs of sides");
+    Array<int32_t> firsts = read_starts(sections, "opening.starts", count, points, work, failure);
+    Array<float> core = read_floats(sections, "opening.core", points, 1, work, failure);
+    for (float squared : core)
+        if (squared <= 0) failure.say("opening.core has to be above zero");
+    sides.rings = read_indices(sections, "opening.rings", -1, 2, 0, vertices, arena, failure);
+    int faces = sides.rings.size / 2;
+    sides.ring_starts = read_starts(sections, "opening.ring_starts", vertices, faces, arena, failure);
+    if (failure.failed) return {};
+    constexpr int GROUP = LANES * LANES;
+    sides.sides = count;
+    sides.starts = arena.take<int32_t>(count + 1);
+    for (int side = 0; side < count; side++)
+        sides.starts[side + 1] = sides.starts[side] + (firsts[side + 1] - firsts[side] + GROUP - 1) / GROUP;
+    sides.rows = arena.take<int32_t>(points);
+    sides.vertices = arena.take<int32_t>(GROUP * sides.groups());
+    sides.core = arena.take<float>(GROUP * sides.groups());
+    for (int32_t &vertex : sides.vertices) vertex = -1;
+    for (float &squared : sides.core) squared = 1;
+    for (int side = 0; side < count; side++)
+        for (int point = firsts[side]; point < firsts[side + 1]; point++) {
+            int row = GROUP * sides.starts[side] + point - firsts[side];
+            sides.rows[point] = row;
+            sides.vertices[row] = sides.points[point];
+            sides.core[row] = core[point];
+        }
+    return sides;
+}
+
+Walls make_walls(const Sides &sides, Arena &arena) {
+    int groups = sides.groups(), tiles = LANES * groups;
+    Walls walls{arena.take<Tile>(tiles), arena.take<Bounds>(groups), arena.take<int32_t>(groups),
+                arena.take<int32_t>(tiles)};
+    for (int tile = 0; tile < tiles; tile++)
+        for (int k = 0; k < LANES; k++) {
+            put(walls.tiles[tile].start, k, {FAR, FAR, FAR});
+            walls.tiles[tile].core[k] = sides.core[LANES * tile + k];
+        }
+    return walls;
+}
+
+void raise_walls(const Sides &sides, const Vec *corners, Walls &walls) {
+    for (int32_t &near : walls.near) near = 0;
+    for (int side = 0; side < sides.sides; side += 2) {
+        Range second;
+        for (int group = sides.starts[side]; group < sides.starts[side + 2]; group++) {
+            Range box = place_group(sides, group, corners, walls);
+            if (group >= sides.starts[side + 1]) widen(second, box.low, box.high);
+        }
+        mark_near(sides, side, second, walls);
+    }
+    for (int group = 0; group < sides.groups(); group++)
+        for (int lane = 0; lane < LANES; lane++)
+            if (walls.near[group] >> lane & 1) turn_tile(sides, LANES * group + lane, corners, walls);
+}
+
+int find_facing(const Sides &sides, Walls &walls, int side, int tile) {
+    const Bounds &own = walls.bounds[tile / LANES];
+    Range box = range_of(own, tile % LANES);
+    Vecs axis = repeat(pick(own.axis, tile % LANES));
+    float spread = own.spread[tile % LANES];
+    int other = side ^ 1, count = 0;
+    for (int group = sides.starts[other]; group < sides.starts[other + 1]; group++) {
+        const Bounds &bounds = walls.bounds[group];
+        // The least cosine between two normals that differ by no more than the spreads from the axes.
+        Lanes others = load(bounds.spread), cosine = dot(axis, load(bounds.axis)) - spread;
+        LaneMask faces = cosine - (1.0f + spread) * others < FACING;
+        int found = bits(within_reach(bounds, box) & faces);
+        for (int lane = 0; found; lane++, found >>= 1)
+            if (found & 1) walls.found[count++] = LANES * group + lane;
+    }
+    return count;
+}
+
+Measured measure(const Walls &walls, int row, int count) {
+    constexpr float SQUARE = REACH * REACH;
+    const Tile &own = walls.tiles[row / LANES];
+    int lane = row % LANES;
+    Vecs start = repeat(pick(own.start, lane)), place = repeat(pick(own.place, lane));
+    Vecs normal = repeat(pick(own.normal, lane)), wall{}, way{};
+    Lanes weight{}, above{};
+    for (int k = 0; k < count; k++) {
+        const Tile &tile = walls.tiles[walls.found[k]];
+        Vecs at_start = start - load(tile.start), away = place - load(tile.place), other = load(tile.normal);
+        Lanes square = dot(away, away), rest = 1.0f - (1.0f / SQUARE) * square;
+        Lanes against = (1.0f / (1.0f + FACING)) * (FACING - dot(normal, other));
+        LaneMask counts = (dot(at_start, at_start) < SQUARE) & (rest > 0.0f) & (against > 0.0f);
+        if (!bits(counts)) continue;
+        Lanes share = against * (rest / (square + 0.5f * (own.core[lane] + load(tile.core))));
+        share = choose(counts, share * share, Lanes{});
+        Vecs plane = share * other;
+        weight += share;
+        above += dot(away, plane);
+        wall += plane;
+        way += share * away;
+    }
+    return {sum(weight), sum(above), sum(wall), sum(way)};
+}
+
+float lateral_distance(const Measured &measured) {
+    float share = 1.0f / measured.weight;
+    Vec wall = share * measured.wall, way = share * measured.way;
+    return length(cross(way, wall)) / most(length(wall), 1e-12f);
+}
+
+void measure_all(const Sides &sides, const Vec *corners, float *distances) {
+    Arena work;
+    Walls walls = make_walls(sides, work);
+    raise_walls(sides, corners, walls);
+    int side = 0, tile = -1, count = 0;
+    for (int point = 0; point < sides.points.size; point++) {
+        int row = sides.rows[point];
+        distances[point] = FAR;
+        if (!(walls.near[row / LANES / LANES] >> row / LANES % LANES & 1)) continue;
+        while (row / LANES / LANES >= sides.starts[side + 1]) side++;
+        if (row / LANES != tile) {
+            tile = row / LANES;
+            count = find_facing(sides, walls, side, tile);
+        }
+        Measured measured = measure(walls, row, count);
+        if (measured.weight > 0) distances[point] = measured.distance();
+    }
+}
+
+}  // namespace uvc
