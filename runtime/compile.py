@@ -82,11 +82,16 @@ def compile_runtime(folder: Path = PACKAGE, system: str | None = None) -> None:
     if by_zig:
         # Its compiler of C compiles C++ too, and does not link the library of C++.
         command = [sys.executable, "-m", "ziglang", "cc", *(["-target", target.zig] if target.zig else [])]
-    for name, processor in target.processors.items():
-        # Zig writes the names of processors in its own way.
-        march = [f"-march={processor.replace('-', '_') if by_zig else processor}"] if processor else []
-        objects = _compile([*command, *march, *FLAGS], sorted(HERE.glob("src/*.cpp")))
-        _link([*command, *march], objects, folder / f"libuvcloth{name}{target.suffix}")
+    # Zig writes the names of processors in its own way.
+    march = {
+        name: [f"-march={processor.replace('-', '_') if by_zig else processor}"] if processor else []
+        for name, processor in target.processors.items()
+    }
+    for name, flags in march.items():
+        objects = _compile([*command, *flags, *FLAGS], sorted(HERE.glob("src/*.cpp")))
+        # For every processor that it links for, zig compiles the system's libraries: for minutes on Windows.
+        stripped = ["-s"] if by_zig else []
+        _link([*command, *march[""], *stripped], objects, folder / f"libuvcloth{name}{target.suffix}")
 
 
 def _compile(command: Sequence[str], sources: Sequence[Path]) -> list[Path]:

@@ -48,7 +48,7 @@ def build_wheel(source: Path, player: Path, platform: str, target: Path) -> Path
     for library in (source / player).glob("libuvcloth*"):
         library.unlink()
     # What an earlier wheel left, except the objects.
-    for left in ("lib", "bdist*"):
+    for left in ("lib*", "bdist*"):
         for folder in (source / "build").glob(left):
             shutil.rmtree(folder)
     code = "import sys; from setuptools import build_meta; print(build_meta.build_wheel(sys.argv[1]))"

@@ -1,10 +1,14 @@
-"""What gets installed: uvcloth and rasterize with their data; `train` and `evaluate` inside uvcloth alone."""
+"""What gets installed: uvcloth and rasterize with their data and the compiled runtime.
+
+`train` and `evaluate` are inside uvcloth alone.
+"""
 
 import os
 import shutil
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import tomllib
 import zipfile
 from itertools import chain
@@ -14,6 +18,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from tests.wheel import ROLLOUT, SCRIPTS, build
+from uvcloth.player.library import BASELINE
 
 ROOT = Path(__file__).parents[1]
 FLOORS = ("rasterize", "uvcloth")
@@ -21,14 +26,21 @@ INSIDE = ("train", "evaluate")
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> Path:
-    """A wheel built from a copy of the sources, since building leaves files beside them."""
+def source(tmp_path_factory) -> Path:
+    """A copy of the sources, since building leaves files beside them."""
     pytest.importorskip("setuptools", minversion="80")
     source = tmp_path_factory.mktemp("source")
-    for name in (*FLOORS, *INSIDE):
-        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE", "NOTICE"):
+    for name in (*FLOORS, *INSIDE, "runtime"):
+        shutil.copytree(
+            ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "libuvcloth*")
+        )
+    for name in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "NOTICE"):
         shutil.copy(ROOT / name, source / name)
+    return source
+
+
+@pytest.fixture(scope="module")
+def wheel(source) -> Path:
     return build("wheel", source, source / "wheel")
 
 
@@ -83,6 +95,20 @@ def test_the_installed_wheel_works_from_another_folder(wheel, tmp_path):
     assert "--predicted" in printed("uvcloth evaluate --help")
     assert "4 frames" in printed(f"{ROLLOUT} walk.glb")
     assert (away / "walk.glb").stat().st_size > 10_000
+
+
+def test_the_wheel_holds_the_runtime_for_every_python_of_one_platform(wheel, wheel_names):
+    assert wheel.name.split("-")[2:4] == ["py3", "none"]
+    assert not wheel.stem.endswith("-any")
+    assert f"uvcloth/player/{BASELINE}" in wheel_names
+
+
+def test_the_source_distribution_holds_the_runtime_and_nothing_compiled(source, wheel):
+    with tarfile.open(build("sdist", source, source / "sdist")) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    runtime = {path.relative_to(ROOT).as_posix() for path in (ROOT / "runtime").rglob("*") if path.is_file()}
+    assert {name for name in runtime if not name.endswith(".pyc")} <= names
+    assert not [name for name in names if "libuvcloth" in name]
 
 
 def test_the_wheel_says_that_it_is_typed(wheel_names):

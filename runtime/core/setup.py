@@ -1,4 +1,4 @@
-"""The package `uvcloth_core`: `uvcloth.player` by another name, so that both may be installed side by side."""
+"""The package `uvcloth_core`: `uvcloth.player` by another name, so that both can be installed together."""
 
 import sys
 

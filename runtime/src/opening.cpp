@@ -33,15 +33,15 @@ float allowed(const Opening &opening, int side, int vertex) {
 
 // Finds the points of a tile that are too near their wall. Returns the number of all so far.
 int find_pushed(const Opening &opening, OpeningWork &work, int side, int tile, int amount) {
-    int facing = find_facing(opening.sides, work.walls, side, tile);
-    for (int row = LANES * tile; facing && row < LANES * (tile + 1); row++) {
+    Array<Facing> facing = find_facing(opening.sides, work.walls, side, tile);
+    for (int row = LANES * tile; facing.size && row < LANES * (tile + 1); row++) {
         int vertex = opening.sides.vertices[row];
         if (vertex < 0) break;
         float longest = allowed(opening, side, vertex);
         if (longest <= 0) continue;
         Measured measured = measure(work.walls, row, facing);
         if (measured.weight <= 0 || measured.distance() >= opening.want[row]) continue;
-        float lack = missing(opening, row, measured), limit = least(most(lack, 0), longest);
+        float lack = missing(opening, row, measured), limit = least(most(lack, 0.0f), longest);
         if (limit > 0) work.pushed[amount++] = {row, side, least(0.5f * lack, limit), limit, measured.wall};
     }
     return amount;
@@ -61,7 +61,8 @@ Array<Pushed> find_pushed(const Opening &opening, OpeningWork &work) {
 
 // Corrects pushes by half of what is missing where the points are now.
 void correct(const Opening &opening, OpeningWork &work, Array<Pushed> pushed) {
-    int tile = -1, facing = 0;
+    Array<Facing> facing;
+    int tile = -1;
     for (Pushed &point : pushed) {
         if (point.row / LANES != tile) {
             tile = point.row / LANES;
@@ -78,7 +79,8 @@ void correct(const Opening &opening, OpeningWork &work, Array<Pushed> pushed) {
 // Adds the push of a point to the vertices around it, reduced by the slope along the skin.
 int spread(const Opening &opening, OpeningWork &work, const Pushed &point, int amount) {
     float size = length(point.way);
-    Vec way = (1.0f / most(size, 1e-12f)) * point.way;
+    if (size <= 0) return amount;
+    Vec way = (1.0f / size) * point.way;
     int vertex = opening.sides.vertices[point.row];
     for (int k = opening.spread_starts[vertex]; k < opening.spread_starts[vertex + 1]; k++) {
         int other = opening.spread_vertices[k];

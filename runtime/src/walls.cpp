@@ -74,6 +74,21 @@ UVC_INLINE LaneMask within_reach(const Bounds &bounds, Range box) {
 
 Range range_of(const Bounds &bounds, int lane) { return {pick(bounds.low, lane), pick(bounds.high, lane)}; }
 
+// Copies what bounds a tile.
+void copy_lane(const Bounds &from, int lane, Bounds &to, int other) {
+    put(to.low, other, pick(from.low, lane));
+    put(to.high, other, pick(from.high, lane));
+    put(to.axis, other, pick(from.axis, lane));
+    to.spread[other] = from.spread[lane];
+}
+
+// Bounds of no tile: an empty box.
+void close(Bounds &bounds, int lane) {
+    Range none;
+    put(bounds.low, lane, none.low);
+    put(bounds.high, lane, none.high);
+}
+
 // Sets places and boxes of the tiles of a group. Returns the box around them.
 Range place_group(const Sides &sides, int group, const Vec *corners, Walls &walls) {
     Range all;
@@ -97,9 +112,8 @@ Range place_group(const Sides &sides, int group, const Vec *corners, Walls &wall
 void mark_near(const Sides &sides, int side, Range next, Walls &walls) {
     int middle = sides.starts[side + 1], end = sides.starts[side + 2];
     for (int group = sides.starts[side]; group < middle; group++) {
-        int left = bits(within_reach(walls.bounds[group], next));
-        for (int lane = 0; left; lane++, left >>= 1) {
-            if (!(left & 1)) continue;
+        for (int left = bits(within_reach(walls.bounds[group], next)); left; left &= left - 1) {
+            int lane = __builtin_ctz((unsigned)left);
             Range box = range_of(walls.bounds[group], lane);
             for (int other = middle; other < end; other++) {
                 int near = bits(within_reach(walls.bounds[other], box));
@@ -177,7 +191,7 @@ Sides read_sides(const Sections &sections, int vertices, Arena &arena, Failure &
 Walls make_walls(const Sides &sides, Arena &arena) {
     int groups = sides.groups(), tiles = LANES * groups;
     Walls walls{arena.take<Tile>(tiles), arena.take<Bounds>(groups), arena.take<int32_t>(groups),
-                arena.take<int32_t>(tiles)};
+                arena.take<Facing>(groups)};
     for (int tile = 0; tile < tiles; tile++)
         for (int k = 0; k < LANES; k++) {
             put(walls.tiles[tile].start, k, {FAR, FAR, FAR});
@@ -201,7 +215,7 @@ void raise_walls(const Sides &sides, const Vec *corners, Walls &walls) {
             if (walls.near[group] >> lane & 1) turn_tile(sides, LANES * group + lane, corners, walls);
 }
 
-int find_facing(const Sides &sides, Walls &walls, int side, int tile) {
+Array<Facing> find_facing(const Sides &sides, Walls &walls, int side, int tile) {
     const Bounds &own = walls.bounds[tile / LANES];
     Range box = range_of(own, tile % LANES);
     Vecs axis = repeat(pick(own.axis, tile % LANES));
@@ -212,34 +226,43 @@ int find_facing(const Sides &sides, Walls &walls, int side, int tile) {
         // The least cosine between two normals that differ by no more than the spreads from the axes.
         Lanes others = load(bounds.spread), cosine = dot(axis, load(bounds.axis)) - spread;
         LaneMask faces = cosine - (1.0f + spread) * others < FACING;
-        int found = bits(within_reach(bounds, box) & faces);
-        for (int lane = 0; found; lane++, found >>= 1)
-            if (found & 1) walls.found[count++] = LANES * group + lane;
+        for (int left = bits(within_reach(bounds, box) & faces); left; left &= left - 1) {
+            int lane = __builtin_ctz((unsigned)left);
+            Facing &facing = walls.facing[count / LANES];
+            copy_lane(bounds, lane, facing.bounds, count % LANES);
+            facing.tiles[count++ % LANES] = LANES * group + lane;
+        }
     }
-    return count;
+    int blocks = (count + LANES - 1) / LANES;
+    for (; count % LANES; count++) close(walls.facing[blocks - 1].bounds, count % LANES);
+    return walls.facing.part(0, blocks);
 }
 
-Measured measure(const Walls &walls, int row, int count) {
+Measured measure(const Walls &walls, int row, Array<Facing> facing) {
     constexpr float SQUARE = REACH * REACH;
     const Tile &own = walls.tiles[row / LANES];
     int lane = row % LANES;
-    Vecs start = repeat(pick(own.start, lane)), place = repeat(pick(own.place, lane));
-    Vecs normal = repeat(pick(own.normal, lane)), wall{}, way{};
+    Vec point = pick(own.start, lane);
+    Vecs start = repeat(point), place = repeat(pick(own.place, lane)), normal = repeat(pick(own.normal, lane));
+    Vecs wall{}, way{};
     Lanes weight{}, above{};
-    for (int k = 0; k < count; k++) {
-        const Tile &tile = walls.tiles[walls.found[k]];
-        Vecs at_start = start - load(tile.start), away = place - load(tile.place), other = load(tile.normal);
-        Lanes square = dot(away, away), rest = 1.0f - (1.0f / SQUARE) * square;
-        Lanes against = (1.0f / (1.0f + FACING)) * (FACING - dot(normal, other));
-        LaneMask counts = (dot(at_start, at_start) < SQUARE) & (rest > 0.0f) & (against > 0.0f);
-        if (!bits(counts)) continue;
-        Lanes share = against * (rest / (square + 0.5f * (own.core[lane] + load(tile.core))));
-        share = choose(counts, share * share, Lanes{});
-        Vecs plane = share * other;
-        weight += share;
-        above += dot(away, plane);
-        wall += plane;
-        way += share * away;
+    for (const Facing &few : facing) {
+        LaneMask faces = dot(normal, load(few.bounds.axis)) - load(few.bounds.spread) < FACING;
+        for (int left = bits(within_reach(few.bounds, {point, point}) & faces); left; left &= left - 1) {
+            const Tile &tile = walls.tiles[few.tiles[__builtin_ctz((unsigned)left)]];
+            Vecs at_start = start - load(tile.start), away = place - load(tile.place);
+            Vecs other = load(tile.normal);
+            Lanes square = dot(away, away), rest = 1.0f - (1.0f / SQUARE) * square;
+            Lanes against = (1.0f / (1.0f + FACING)) * (FACING - dot(normal, other));
+            LaneMask counts = (dot(at_start, at_start) < SQUARE) & (rest > 0.0f) & (against > 0.0f);
+            Lanes share = against * (rest / (square + 0.5f * (own.core[lane] + load(tile.core))));
+            share = choose(counts, share * share, Lanes{});
+            Vecs plane = share * other;
+            weight += share;
+            above += dot(away, plane);
+            wall += plane;
+            way += share * away;
+        }
     }
     return {sum(weight), sum(above), sum(wall), sum(way)};
 }
@@ -254,7 +277,8 @@ void measure_all(const Sides &sides, const Vec *corners, float *distances) {
     Arena work;
     Walls walls = make_walls(sides, work);
     raise_walls(sides, corners, walls);
-    int side = 0, tile = -1, count = 0;
+    Array<Facing> facing;
+    int side = 0, tile = -1;
     for (int point = 0; point < sides.points.size; point++) {
         int row = sides.rows[point];
         distances[point] = FAR;
@@ -262,9 +286,9 @@ void measure_all(const Sides &sides, const Vec *corners, float *distances) {
         while (row / LANES / LANES >= sides.starts[side + 1]) side++;
         if (row / LANES != tile) {
             tile = row / LANES;
-            count = find_facing(sides, walls, side, tile);
+            facing = find_facing(sides, walls, side, tile);
         }
-        Measured measured = measure(walls, row, count);
+        Measured measured = measure(walls, row, facing);
         if (measured.weight > 0) distances[point] = measured.distance();
     }
 }

@@ -40,12 +40,19 @@ struct Bounds {
     float low[3][LANES], high[3][LANES], axis[3][LANES], spread[LANES];
 };
 
-// Walls in a frame. near: of each group the tiles, as bits, that are within reach of the other side. found:
-// room for tiles that one tile is measured against.
+// Tiles that one tile is measured against.
+struct Facing {
+    Bounds bounds;
+    int32_t tiles[LANES];
+};
+
+// Walls in a frame. near: of each group the tiles, as bits, that are within reach of the other side. facing:
+// room for what one tile is measured against.
 struct Walls {
     Array<Tile> tiles;
     Array<Bounds> bounds;
-    Array<int32_t> near, found;
+    Array<int32_t> near;
+    Array<Facing> facing;
 };
 
 Walls make_walls(const Sides &sides, Arena &arena);
@@ -53,8 +60,8 @@ Walls make_walls(const Sides &sides, Arena &arena);
 // Begins a frame with vertices at corners (C) m.
 void raise_walls(const Sides &sides, const Vec *corners, Walls &walls);
 
-// Finds the tiles of the other side that a tile of a side may be measured against. Returns how many there are.
-int find_facing(const Sides &sides, Walls &walls, int side, int tile);
+// Finds what a tile of a side is measured against, and returns that part of `facing`.
+Array<Facing> find_facing(const Sides &sides, Walls &walls, int side, int tile);
 
 // What points of the wall say about a point: the sum of their weights, 1/m4; and by these weights their
 // distances to it, m, their normals, and the ways from them to it, m.
@@ -66,8 +73,8 @@ struct Measured {
     float distance() const { return above / weight; }
 };
 
-// Measures the point in a row, against the first `count` tiles that were found for its tile.
-Measured measure(const Walls &walls, int row, int count);
+// Measures the point in a row against what was found for its tile.
+Measured measure(const Walls &walls, int row, Array<Facing> facing);
 
 // Distance, m, along the wall from a point to the middle of the points that measure it.
 float lateral_distance(const Measured &measured);

@@ -1,0 +1,50 @@
+/* Opened colliders: parts of a body that a pose presses into each other are pushed apart, so that cloth has
+ * room between them. And distances along the skin, from which an opening is made. */
+#ifndef UVCLOTH_OPENING_H
+#define UVCLOTH_OPENING_H
+
+#include "uvcloth.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Pressed parts of a collider. Immutable: any number of threads may use it. */
+typedef struct uvc_opening uvc_opening;
+
+/* Reads the opening of a collider of C `vertices`, as uvc_read_clearing reads an outfit. */
+UVC_API uvc_opening *uvc_read_opening(const void *bytes, size_t size, int vertices, char *message,
+                                      size_t room);
+UVC_API void uvc_free_opening(uvc_opening *opening);
+
+/* Pushes the parts of a collider in so many frames (F, C) apart, in place, each frame by itself. */
+UVC_API void uvc_open_frames(const uvc_opening *opening, float *frames, int count);
+
+/* Signed distances (P) of all points to the other parts of their pairs, at vertices (C); 1e9 for none. */
+UVC_API void uvc_opening_distances(const uvc_opening *opening, const float *vertices, float *distances);
+
+/* Edges of a surface of so many vertices: the neighbours of each, from starts (vertices + 1) on, and the
+ * lengths of the edges to them. */
+typedef struct uvc_graph {
+    const int32_t *starts, *neighbours;
+    const float *lengths;
+    int32_t vertices;
+} uvc_graph;
+
+/* Chooses vertices, in an order (count), that are at least `spacing` apart along the surface. Sets clear
+ * (vertices): for each chosen one the distance within which others were left out for it, -1 for all others. */
+UVC_API void uvc_thin_out(const uvc_graph *graph, const int32_t *order, int count, float spacing,
+                          float *clear);
+
+/* Finds the vertices within `limit` along the surface of each vertex whose clear (vertices) is not negative.
+ * Sets firsts (vertices + 1), the first row of each vertex; rows, the nearest first, are vertices in `others`
+ * and their distances less that of clear in `ways`. Returns how many rows there are; those beyond `room` are
+ * not stored. */
+UVC_API int uvc_along_skin(const uvc_graph *graph, const float *clear, float limit, int32_t *firsts,
+                           int32_t *others, float *ways, int room);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,69 @@
+// The C interface of opened colliders and of distances along the skin.
+#include "uvcloth_opening.h"
+
+#include "opening.h"
+#include "surface_graph.h"
+
+struct uvc_opening {
+    uvc::Opening data;
+    uvc::Arena arena;
+};
+
+namespace uvc {
+
+namespace {
+
+Graph graph_of(const uvc_graph &graph) {
+    int edges = graph.starts[graph.vertices];
+    return {{graph.starts, graph.vertices + 1}, {graph.neighbours, edges}, {graph.lengths, edges}};
+}
+
+}  // namespace
+
+}  // namespace uvc
+
+extern "C" {
+
+uvc_opening *uvc_read_opening(const void *bytes, size_t size, int vertices, char *message, size_t room) {
+    uvc::Failure failure{message, room};
+    void *place = calloc(1, sizeof(uvc_opening));
+    if (!place) {
+        failure.say("there is no memory for the opening");
+        return nullptr;
+    }
+    uvc_opening *opening = new (place) uvc_opening;
+    uvc::Sections sections = uvc::read_sections(bytes, size, failure);
+    if (!failure.failed) opening->data = uvc::read_opening(sections, vertices, opening->arena, failure);
+    if (!failure.failed) return opening;
+    uvc_free_opening(opening);
+    return nullptr;
+}
+
+void uvc_free_opening(uvc_opening *opening) {
+    if (!opening) return;
+    opening->~uvc_opening();
+    free(opening);
+}
+
+void uvc_open_frames(const uvc_opening *opening, float *frames, int count) {
+    uvc::Arena arena;
+    uvc::OpeningWork work = uvc::make_opening_work(opening->data, arena);
+    uvc::Vec *corners = reinterpret_cast<uvc::Vec *>(frames);
+    for (int frame = 0; frame < count; frame++, corners += opening->data.vertices)
+        uvc::open_frame(opening->data, work, corners);
+}
+
+void uvc_opening_distances(const uvc_opening *opening, const float *vertices, float *distances) {
+    uvc::measure_all(opening->data.sides, reinterpret_cast<const uvc::Vec *>(vertices), distances);
+}
+
+void uvc_thin_out(const uvc_graph *graph, const int32_t *order, int count, float spacing, float *clear) {
+    uvc::thin_out(uvc::graph_of(*graph), {order, count}, spacing, clear);
+}
+
+int uvc_along_skin(const uvc_graph *graph, const float *clear, float limit, int32_t *firsts, int32_t *others,
+                   float *ways, int room) {
+    return uvc::along_skin(uvc::graph_of(*graph), clear, limit, firsts, {others, room}, {ways, room});
+}
+
+}  // extern "C"
