@@ -67,7 +67,7 @@ def test_an_arm_pressed_into_the_ribs_ends_with_a_gap(
     arm = ARM_PARTS[0]
     for side, (part, other) in enumerate(((arm, TORSO_PART), (TORSO_PART, arm))):
         own = skin_of(collider, part, body)
-        own = own[torch.from_numpy(opening.plan.allowed[side])[own] > SLOPE * REACHED]
+        own = own[torch.from_numpy(opening.runtime.sections["opening.allowed"][side])[own] > SLOPE * REACHED]
         before, after, wanted = (
             BodySurface(vertices, collider.parts[other]).closest(vertices[own]).signed_distance
             for vertices in (posed, opened, rest)

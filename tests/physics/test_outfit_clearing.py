@@ -107,10 +107,12 @@ def test_garments_that_follow_cages_move_only_where_they_are_too_close(body: Bod
     points = [
         vertices[mesh.kept] for vertices, mesh in zip((inner.vertices, shrunk), clearing.meshes, strict=True)
     ]
-    state, (under, over) = clearing.clear(points, collider, body.mesh.vertices, clearing.start(), FOLLOWING)
-    # What the skin alone asked for, before the layers.
-    origin = torch.from_numpy(points[0].double().numpy().mean(0))
-    before = (clearing.size * torch.from_numpy(state.positions).double() + origin).float()
+    _, (under, over) = clearing.clear(points, collider, body.mesh.vertices, clearing.start(), FOLLOWING)
+    # What the skin alone asks for, before the layers.
+    skinned = torch.cat(points).numpy()
+    _, cleared = clearing.fine.clear(clearing.start(), skinned, collider, CLEARANCE, FOLLOWING.reach)
+    clearing.fine.cover(cleared, body.mesh.vertices.numpy())
+    before = torch.from_numpy(cleared)
     before = before[len(points[0]) :][clearing.meshes[1].places]
     moved = (over - before).norm(dim=1) > 1e-5
     beside = Layer(under, inner.faces).beside(before)

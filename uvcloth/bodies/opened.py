@@ -16,9 +16,10 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from uvcloth.bodies.collider import Collider
-from uvcloth.bodies.opened_kernels import BLOCK, Plan, along_skin, distances, open_frames, thin_out
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.records import CPU, to_device
+from uvcloth.player import opening
+from uvcloth.player.surface_graph import SurfaceGraph
 
 GAP = 0.012
 """Metres of room between two parts: for two layers of cloth that each keep some millimetres off the skin."""
@@ -39,9 +40,9 @@ POINT_SPACING = 0.012
 
 @dataclass(frozen=True)
 class Opening:
-    """Opening of a collider; `plan` is the input of the compiled loops."""
+    """Opening of a collider, by the runtime."""
 
-    plan: Plan
+    runtime: opening.Opening
 
     def opened(self, vertices: Tensor) -> Tensor:
         """Collider vertices (F, C, 3) or (C, 3) m with room between the parts, float32.
@@ -49,7 +50,7 @@ class Opening:
         Each frame is opened by itself. Vertices far from every other part keep the same bits.
         """
         apart = vertices.detach().to("cpu", torch.float32, copy=True).contiguous()
-        open_frames(apart.view(-1, *apart.shape[-2:]).numpy(), self.plan)
+        self.runtime.open_frames(apart.view(-1, *apart.shape[-2:]).numpy())
         return apart.to(vertices.device)
 
 
@@ -66,12 +67,10 @@ def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
         for side in ((a, b), (b, a))
     ]
     graph = _skin_graph(body, torch.cat(skins), count)
+    skin = SurfaceGraph(graph.indptr, graph.indices, graph.data)
     clear = np.full(count, -1.0, np.float32)
     for part in {part for part, _ in sides}:
-        thinned = thin_out(
-            graph.indptr, graph.indices, graph.data, _in_order(rest, vertices_of[part]), POINT_SPACING
-        )
-        clear = np.maximum(clear, thinned)
+        clear = np.maximum(clear, skin.thin_out(_in_order(rest, vertices_of[part]), POINT_SPACING))
     points_of = [
         _close_together(
             rest, np.setdiff1d(vertices_of[part][clear[vertices_of[part]] >= 0], vertices_of[other])
@@ -79,31 +78,32 @@ def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
         for part, other in sides
     ]
     points, rims = _joined(points_of), [rim[:, 0].numpy() for rim in collider.rims]
-    spread = along_skin(graph.indptr, graph.indices, graph.data, clear, LONGEST_PUSH / SLOPE)
+    spread_starts, spread_vertices, spread_lengths = skin.along_skin(clear, LONGEST_PUSH / SLOPE)
     ring_starts, rings = _rings(torch.cat(skins), count)
     allowed = [_allowed(vertices_of[other], graph) for _, other in sides]
     wanted = [
         np.minimum(KDTree(rest[vertices_of[other]]).query(rest[own_points])[0], GAP)
         for own_points, (_, other) in zip(points_of, sides, strict=True)
     ]
-    plan = Plan(
-        starts=_starts(points_of),
-        points=points,
-        want=np.concatenate([np.zeros(0), *wanted]).astype(np.float32),
-        core=np.square(0.5 * np.maximum(_edge_means(graph), POINT_SPACING))[points].astype(np.float32),
-        slope=SLOPE,
-        allowed=np.array(allowed, np.float32).reshape(-1, count),
-        ring_starts=ring_starts,
-        rings=rings,
-        spread_starts=spread[0],
-        spread_vertices=spread[1],
-        spread_lengths=spread[2],
-        tips=np.arange(len(body), count, dtype=np.int32),
-        rim_starts=_starts(rims),
-        rims=_joined(rims),
-    )
-    nearest = distances(collider.vertices(body).numpy(), plan) - REST_MARGIN
-    return Opening(plan._replace(want=np.minimum(plan.want, nearest)))
+    sections = {
+        "opening.starts": _starts(points_of),
+        "opening.points": points,
+        "opening.want": np.concatenate([np.zeros(0), *wanted]),
+        "opening.core": np.square(0.5 * np.maximum(_edge_means(graph), POINT_SPACING))[points],
+        "opening.slope": np.array([SLOPE]),
+        "opening.allowed": np.array(allowed).reshape(-1, count),
+        "opening.ring_starts": ring_starts,
+        "opening.rings": rings,
+        "opening.spread_starts": spread_starts,
+        "opening.spread_vertices": spread_vertices,
+        "opening.spread_lengths": spread_lengths,
+        "opening.tips": np.arange(len(body), count),
+        "opening.rim_starts": _starts(rims),
+        "opening.rims": _joined(rims),
+    }
+    at_rest = opening.Opening(sections).distances(collider.vertices(body).numpy()) - REST_MARGIN
+    sections["opening.want"] = np.minimum(sections["opening.want"], at_rest)
+    return Opening(opening.Opening(sections))
 
 
 def _skin_graph(body: Tensor, faces: Tensor, count: int) -> csr_array:
@@ -129,7 +129,7 @@ def _in_order(rest: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 def _close_together(rest: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Vertices (N,) in an order in which neighbours lie close together."""
-    return vertices[KDTree(rest[vertices], leafsize=BLOCK).indices] if len(vertices) else vertices
+    return vertices[opening.in_tiles(rest[vertices])]
 
 
 def _allowed(other: np.ndarray, graph: csr_array) -> np.ndarray:
@@ -141,7 +141,7 @@ def _allowed(other: np.ndarray, graph: csr_array) -> np.ndarray:
 
 
 def _rings(faces: Tensor, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The rings of `Plan`: the first row of each vertex, and the other corners (R, 2) of the faces (F, 3)
+    """The rings of an opening: the first row of each vertex, and the other corners (R, 2) of the faces (F, 3)
     around it.
     """
     corner, rest = faces.T.flatten(), torch.cat([faces.roll(-turn, 1)[:, 1:] for turn in range(3)])

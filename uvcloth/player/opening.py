@@ -1,0 +1,72 @@
+"""Opened colliders by the runtime: parts that a pose presses into each other are pushed apart."""
+
+from collections.abc import Mapping
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvcloth.player.handles import pointer, read_outfit
+from uvcloth.player.library import library
+from uvcloth.player.sections import pack
+
+Floats = NDArray[np.float32]
+Sections = Mapping[str, NDArray[Any]]
+
+TILE = 8
+"""Points in a row that the runtime skips together, so they should lie close to each other."""
+
+
+class Opening:
+    """Pressed parts of a collider of C vertices, in the runtime (uvcloth.h).
+
+    sections: their arrays by name. A side is one part of a pair against the other; sides 2k and 2k + 1 are
+    pair k. "opening.starts" (S + 1), first point of each side. "opening.points" (K), vertex of each point;
+    ".want" (K) m, distance that it keeps from the other part; ".core" (K) m2, squared distance within which
+    all points of a wall have the same weight. ".slope" (1), change of a push along the skin, metres for each
+    metre. ".allowed" (S, C) m, longest push of each vertex.
+
+    ".ring_starts" (C + 1), first row of each vertex in ".rings" (R, 2), the other corners of the faces around
+    it. ".spread_starts" (C + 1), first row of each vertex that is a point in ".spread_vertices" (M), the
+    vertices that move with it, the nearest first; ".spread_lengths" (M) m, their distances along the skin.
+
+    ".tips" (T), the tips of the caps. ".rim_starts" (T + 1), first row of each tip in ".rims" (E), the
+    vertices around it.
+    """
+
+    def __init__(self, sections: Sections) -> None:
+        """Read sections. Raises ValueError with the runtime's sentence if they do not fit together."""
+        self.sections = dict(sections)
+        self.vertices = len(sections["opening.ring_starts"]) - 1
+        self._handle = read_outfit(
+            self, pack(self.sections), "uvc_read_opening", "uvc_free_opening", self.vertices
+        )
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Sections]]:
+        """Pickle the sections; the runtime reads them again."""
+        return type(self), (self.sections,)
+
+    def open_frames(self, frames: Floats) -> None:
+        """Push the parts of collider vertices (F, C, 3) m apart, in place, each frame by itself."""
+        assert frames.dtype == np.float32
+        assert frames.shape[1:] == (self.vertices, 3)
+        library().uvc_open_frames(self._handle, pointer(frames), len(frames))
+
+    def distances(self, corners: Floats) -> Floats:
+        """Signed distances (K,) m of the points of collider vertices (C, 3) m to the other parts, 1e9 for
+        none."""
+        assert corners.shape == (self.vertices, 3)
+        corners = np.ascontiguousarray(corners, np.float32)
+        found = np.empty(len(self.sections["opening.points"]), np.float32)
+        library().uvc_opening_distances(self._handle, pointer(corners), pointer(found))
+        return found
+
+
+def in_tiles(points: Floats) -> NDArray[np.int64]:
+    """Order (N,) of points (N, 3) m in which every TILE of them lie close together."""
+    order = np.arange(len(points))
+    if len(points) <= TILE:
+        return order
+    along = np.argsort(points[:, np.argmax(np.ptp(points, axis=0))], kind="stable")
+    half = TILE * max(1, round(0.5 * len(points) / TILE))
+    return np.concatenate([part[in_tiles(points[part])] for part in (along[:half], along[half:])])
