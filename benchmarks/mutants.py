@@ -6,10 +6,9 @@ Plants one fault at a time into a copy of the checkout: another operator, a lost
 a changed number, a turned condition, a dropped statement. --seed draws the places. Results are lines of
 OUT/results.jsonl; a run with the same OUT goes on where the last one ended. A mutant is tested by the tests
 of its room alone, up to the first that fails, in a fork of this process, in which the libraries are loaded
-once. Tests that run its line come first. For a file with compiled loops the cache is new: loops that were
-compiled before contain the old code of others.
+once. Tests that run its line come first. The compiled runtime is not mutated.
 
-mutmut's trampolines cannot be compiled by Numba. cosmic-ray neither samples nor drops statements, and starts
+mutmut's trampolines cannot be compiled by Warp. cosmic-ray neither samples nor drops statements, and starts
 Python anew for every mutant, which is most of the time here. So this is our own.
 """
 
@@ -35,6 +34,8 @@ import tyro
 from coverage import Coverage
 from rich.console import Console
 from rich.table import Table
+
+from uvcloth.player.library import FOLDER
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -95,7 +96,7 @@ ROOMS = {
 }
 
 LIBRARIES = (
-    *("torch", "numpy", "scipy.spatial", "scipy.sparse.linalg", "trimesh", "numba", "kornia", "pygltflib"),
+    *("torch", "numpy", "scipy.spatial", "scipy.sparse.linalg", "trimesh", "kornia", "pygltflib"),
     *("hypothesis", "pxr.Usd", "pxr.UsdSkel", "alembic3d", "lightning.fabric", "torch.utils.tensorboard"),
 )
 """Loaded before the forks."""
@@ -292,7 +293,7 @@ class Tried:
     seconds: float
 
 
-def try_tests(copy: Path, room: Room, cache: Path, limit: int, plugin: Any) -> Tried:
+def try_tests(copy: Path, room: Room, limit: int, plugin: Any) -> Tried:
     """Run the tests of a room in a fork of this process, with a plugin of pytest that is made there."""
     said = copy.parent / "failed"
     said.unlink(missing_ok=True)
@@ -300,7 +301,7 @@ def try_tests(copy: Path, room: Room, cache: Path, limit: int, plugin: Any) -> T
     if not child:
         code = 99
         try:
-            code = _run_tests(copy, room, cache, limit, [FirstFailure(said), plugin()])
+            code = _run_tests(copy, room, limit, [FirstFailure(said), plugin()])
         finally:
             os._exit(code)
     _, status, used = os.wait4(child, 0)
@@ -311,11 +312,11 @@ def try_tests(copy: Path, room: Room, cache: Path, limit: int, plugin: Any) -> T
     return Tried("survived" if os.WEXITSTATUS(status) == 0 else "killed", by, seconds)
 
 
-def _run_tests(copy: Path, room: Room, cache: Path, limit: int, plugins: list[Any]) -> int:
+def _run_tests(copy: Path, room: Room, limit: int, plugins: list[Any]) -> int:
     """The exit code of pytest in the copy of the checkout."""
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
     os.chdir(copy)
-    os.environ.update(PYTHONPATH=str(copy), UVCLOTH_CACHE=str(cache), PYTHONDONTWRITEBYTECODE="1")
+    os.environ.update(PYTHONPATH=str(copy), PYTHONDONTWRITEBYTECODE="1")
     sys.path[:] = [str(copy), *(path for path in sys.path if Path(path or ".").resolve() != ROOT)]
     sys.dont_write_bytecode = True
     paths = dict.fromkeys(
@@ -336,6 +337,8 @@ def make_copy(folder: Path) -> Path:
         if (ROOT / name).is_file():
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, copy / name)
+    for library in FOLDER.glob("libuvcloth*"):
+        shutil.copy(library, copy / library.relative_to(ROOT))
     return copy
 
 
@@ -384,7 +387,7 @@ class Mutants:
     def _trace(self, name: str, room: Room, copy: Path, folder: Path) -> tuple[Trace, int]:
         """What the tests of a room run, and CPU seconds for a mutant; they have to pass without one."""
         path = folder / "trace.json"
-        tried = try_tests(copy, room, folder / "cache", 3600, lambda: Tracing(copy, room, path))
+        tried = try_tests(copy, room, 3600, lambda: Tracing(copy, room, path))
         print(f"{name}: {tried.seconds} CPU s without a fault", flush=True)
         if tried.outcome != "survived":
             raise SystemExit(f"{name}: the tests fail without a fault: {tried.by}, {folder / 'output'}")
@@ -394,14 +397,11 @@ class Mutants:
         """Plant one fault, run the tests, and take it out again."""
         path = copy / mutant.file
         content = path.read_text(encoding="utf-8")
-        compiled = "uvcloth.process.compiled" in content
-        cache = folder / ("cache_of_mutant" if compiled else "cache")
         path.write_text(mutant.source(content), encoding="utf-8")
         try:
-            return try_tests(copy, room, cache, limit + 600 * compiled, lambda: NearestFirst(mutant, trace))
+            return try_tests(copy, room, limit, lambda: NearestFirst(mutant, trace))
         finally:
             path.write_text(content, encoding="utf-8")
-            shutil.rmtree(folder / "cache_of_mutant", ignore_errors=True)
 
 
 def _print_table(rows: list[dict[str, Any]]) -> None:

@@ -79,7 +79,7 @@ def main() -> None:
         outcomes = options.folder.resolve() / f"{name}-{commit()}.jsonl"
         if outcomes.stem.endswith("-dirty"):
             outcomes.unlink(missing_ok=True)
-        ended = run_tests(python, options.folder / f"cache-{name}", outcomes, options.tests)
+        ended = run_tests(python, outcomes, options.tests)
         said, minutes = summary(outcomes)
         table.add_row(name, *versions(python), f"{said}{ended}", f"{minutes:.0f}")
     Console().print(table)
@@ -114,14 +114,11 @@ def commit() -> str:
     return subprocess.run(command, capture_output=True, encoding="utf-8", check=True).stdout.strip()
 
 
-def run_tests(python: Path, cache: Path, outcomes: Path, tests: tuple[str, ...]) -> str:
-    """Run the tests that have no outcome; says how pytest ended if it broke off.
-
-    Kernels of other versions are not used.
-    """
+def run_tests(python: Path, outcomes: Path, tests: tuple[str, ...]) -> str:
+    """Run the tests that have no outcome; says how pytest ended if it broke off."""
     plugin = ("-p", "benchmarks.resumed", "--outcomes", str(outcomes))
     options = ("-u", "-X", "faulthandler", "-m", "pytest", "-p", "no:cacheprovider", "-vv", "-rfE", *plugin)
-    own = {"UVCLOTH_CACHE": str(cache.resolve()), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": ""}
+    own = {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": ""}
     code = subprocess.run([python, *options, *tests], check=False, env=os.environ | own).returncode
     ended = (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.NO_TESTS_COLLECTED)
     return "" if code in ended else f"; ended with {code}"

@@ -21,7 +21,7 @@ MODULES = {
 }
 """Name to import, where it is not the package's own."""
 
-COME_ALONG = {"imath": "alembic3d", "distributed": "dask", "llvmlite": "numba", "websockets": "viser"}
+COME_ALONG = {"imath": "alembic3d", "distributed": "dask", "websockets": "viser"}
 """Modules that another package brings, or an extra of its own."""
 
 USED_BY_NAME = {"tensorboard", "pytest-cov", "pytest-xdist", "ruff", "mypy", "import-linter", "onnxruntime"}

@@ -81,7 +81,6 @@ class Installation:
 
     scripts: Path
     folder: Path
-    cache: Path
 
     def run(self, command: str, code: int = 0, **variables: str) -> str:
         """What a command prints. Raises WrongError for another exit code than expected, or a traceback."""
@@ -115,7 +114,7 @@ class Installation:
 
     def _variables(self, more: Mapping[str, str]) -> dict[str, str]:
         kept = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "UVCLOTH"))}
-        return kept | {"UVCLOTH_CACHE": str(self.cache)} | more
+        return kept | more
 
 
 def build(kind: str, source: Path, target: Path) -> Path:
@@ -166,7 +165,7 @@ def installed(what: str, inputs: Path) -> Iterator[Installation]:
         pins = ["--constraint", ROOT / "constraints.txt"]
         subprocess.run([*pip, *pins, what], check=True, cwd=folder)
         shutil.copytree(inputs, folder / "work")
-        yield Installation(folder / "venv" / SCRIPTS, folder / "work", folder / "cache")
+        yield Installation(folder / "venv" / SCRIPTS, folder / "work")
 
 
 def check_bare(here: Installation) -> None:
@@ -179,7 +178,7 @@ def check_bare(here: Installation) -> None:
     here.run("uvcloth evaluate --help")
     for home in (NOWHERE, {"HOME": ""}):
         here.run("uvcloth motion walk.bvh", **home)
-        here.run(f"{ROLLOUT} walk.glb", **home, UVCLOTH_CACHE="")
+        here.run(f"{ROLLOUT} walk.glb", **home)
     here.run("python library.py")
     for extra, command in USES.items():
         if f"install uvcloth[{extra}]" not in (said := here.run(command, code=2)):

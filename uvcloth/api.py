@@ -48,7 +48,6 @@ from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.fabric import FABRICS, JERSEY, Fabric, FabricName, find_fabric
 from uvcloth.ready import ReadyRollout, find_device, ready_rollout, require_same_skeleton
 from uvcloth.rollout import RolloutFrame
-from uvcloth.simulate.engine import compile_once
 from uvcloth.simulate.engines import ENGINES, require_engine_name
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate as simulate_scene
@@ -295,7 +294,6 @@ def simulate(
     check_order(outfit.garments)
     cloths = [join(garment, outfit.body) for garment in outfit.garments]
     made_by = ENGINES[engine]().with_fabric(_one_fabric(outfit) if fabric is None else find_fabric(fabric))
-    compile_once(made_by)
     clip = pose_from_rest(clip, outfit.body)
     made = simulate_scene(clip, 0, cloths, outfit.body, made_by, LeadIn(), progress)
     made, reason = examine(made, outfit.garments, outfit.body)

@@ -94,9 +94,10 @@ typedef struct uvc_motion {
 } uvc_motion;
 
 /* Moves positions and velocities (N), m/s, through a frame. faces (K, N), clear (K, N): search results for
- * each of K parts of the body, -1 and 0 before the first frame. */
-UVC_API void uvc_step(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
-                      int32_t *faces, float *clear, uvc_pairs *pairs);
+ * each of K parts of the body, -1 and 0 before the first frame. Returns 0 for cloth that has flown apart: a
+ * vertex is not finite, or faster than 200 m/s; its results are of no use then, and more substeps may help. */
+UVC_API int uvc_step(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
+                     int32_t *faces, float *clear, uvc_pairs *pairs);
 
 /* Faces and hinges of cloth alone, of so many vertices: for the longest stable step. */
 typedef struct uvc_elastic uvc_elastic;

@@ -9,6 +9,9 @@ constexpr float GRAVITY = 9.81f;
 // Metres more than where cloth touches the body within which it is watched.
 constexpr float WATCHED = 0.004f;
 
+// Impossible speed of cloth past its frame of reference, m/s: it has flown apart.
+constexpr float FASTEST = 200.0f;
+
 // Metres from the body up to which a vertex is followed: farther off, a face elsewhere may be closer.
 constexpr float CLOSE = 0.01f;
 
@@ -55,6 +58,15 @@ void integrate(const Solver &solver, Array<Force> forces, float step, Vec *posit
     }
 }
 
+// Whether all vertices are somewhere, and none is too fast.
+bool stays_together(const Vec *positions, const Vec *velocities, int vertices) {
+    for (int k = 0; k < vertices; k++)
+        if (!(dot(velocities[k], velocities[k]) < FASTEST * FASTEST) ||
+            !is_finite(dot(positions[k], positions[k])))
+            return false;
+    return true;
+}
+
 }  // namespace
 
 void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
@@ -78,7 +90,7 @@ void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
     }
 }
 
-void step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *velocities, Searched searched,
+bool step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *velocities, Searched searched,
           SelfContact &contact) {
     const Collider &collider = solver.collider;
     int vertices = solver.particles.mass.size;
@@ -118,6 +130,8 @@ void step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *v
                              (float)least(motion.hinge_interval, motion.substeps - substep), forces.data);
         add_pull(solver, motion, pulled, share, positions, velocities, forces);
         integrate(solver, forces, step, positions, velocities, rounded);
+        // Where everything is near everything, a search would take for ever.
+        if (substep % motion.interval == 0 && !stays_together(positions, velocities, vertices)) return false;
         if (motion.self_contact) {
             if (substep % motion.interval == 0) {
                 find_pairs(solver.sheet, positions, velocities, motion.self_radius + motion.self_margin,
@@ -137,6 +151,7 @@ void step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *v
                          solver.particles, motion.radius, step, motion.seconds);
     }
     end_passage(collider, passage, positions);
+    return stays_together(positions, velocities, vertices);
 }
 
 }  // namespace uvc

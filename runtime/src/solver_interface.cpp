@@ -81,9 +81,9 @@ void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides, int32_
     }
 }
 
-void uvc_step(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
-              int32_t *faces, float *clear, uvc_pairs *pairs) {
-    uvc::step(solver->data, *motion, reinterpret_cast<uvc::Vec *>(positions),
+int uvc_step(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
+             int32_t *faces, float *clear, uvc_pairs *pairs) {
+    return uvc::step(solver->data, *motion, reinterpret_cast<uvc::Vec *>(positions),
               reinterpret_cast<uvc::Vec *>(velocities), {faces, clear}, pairs->data);
 }
 

@@ -11,12 +11,12 @@ import trimesh
 from torch import Tensor
 
 from tests.physics.cloth.energies import membrane_energy
+from tests.physics.cloth.stepping import elastic_forces
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.operators import sampling
 from uvcloth.geometry.units import GRAVITY
+from uvcloth.physics.cloth.body import make_body
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
-from uvcloth.physics.cloth.forces import add_elastic_forces
-from uvcloth.physics.cloth.moving_body import make_body
 from uvcloth.physics.cloth.solver import Motion, Settings, make_solver, start, step
 from uvcloth.physics.energies import (
     ClothEnergies,
@@ -316,11 +316,7 @@ def solver_forces(fabric: Fabric, points: Tensor, speeds: Tensor, compression: f
     """Elastic and air forces (N, 3) N of the solver on the uneven sheet."""
     rest, faces = uneven()
     cloth = make_cloth(rest.numpy(), faces.numpy(), fabric, compression=compression, damping=UNDAMPED)
-    forces = np.zeros((len(rest), 3), np.float32)
-    still = (np.float32(0.0),) * 3
-    arrays = (np.ascontiguousarray(values.numpy(), np.float32) for values in (points, speeds))
-    add_elastic_forces(cloth.membrane, cloth.hinges, *arrays, still, forces)
-    return torch.from_numpy(forces).double()
+    return torch.from_numpy(elastic_forces(cloth, points, speeds)).double()
 
 
 def downhill(energies: Sequence[Tensor], points: Tensor) -> Tensor:
@@ -376,7 +372,7 @@ def test_a_step_of_the_solver_balances_inertia_and_all_forces() -> None:
     rest, faces = uneven()
     points, speeds, seconds = deformed(rest, 0.001), 2.0 * moved_by(81), 1e-5
     cloth = make_cloth(rest.numpy(), faces.numpy(), CLOTH, damping=UNDAMPED, moved_mass=0.0)
-    nothing = make_body(np.zeros((0, 3)), [], np.zeros((0, 0), bool))
+    nothing = make_body(np.zeros((0, 3)), [], np.zeros((0, 81), bool))
     solver = make_solver(cloth, rest.numpy(), nothing, Settings(self_contact=False))
     began = start(solver, points.numpy())
     began = replace(began, velocities=speeds.float().numpy())

@@ -13,7 +13,8 @@ from uvcloth.bodies.collider import Collider, compact, make_collider, touch_bits
 from uvcloth.bodies.opened import Opening, make_opening
 from uvcloth.bodies.stature import beside_adults
 from uvcloth.geometry.mesh import JoinedMesh, Mesh, WeldedMesh, join_meshes, welded
-from uvcloth.physics.cloth import moving_body
+from uvcloth.physics.cloth.body import Body as SolidBody
+from uvcloth.physics.cloth.body import make_body
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.layer_thickness import outfit_thickness
 from uvcloth.physics.layers import InnerLayer, Layer, inner_layer
@@ -63,7 +64,7 @@ class OutfitClearing:
     opening: Opening
     used: Tensor
     fine: Clearing
-    cages_solid: moving_body.Body
+    cages_solid: SolidBody
     apart: Tensor
     layers: tuple[dict[int, InnerLayer], ...]
 
@@ -108,9 +109,7 @@ class OutfitClearing:
             make_opening(closed.for_cloth(met), rest),
             used,
             Clearing.of(sections),
-            moving_body.make_body(
-                at_rest, faces, cages_touch[met].numpy(), closed.crossed(cages_touch)[met].numpy()
-            ),
+            make_body(at_rest, faces, cages_touch[met].numpy(), closed.crossed(cages_touch)[met].numpy()),
             apart,
             tuple(_layers(sized, touch_bits(touches), apart)),
         )

@@ -47,6 +47,11 @@ class Searched:
     clear: Floats
 
 
+def nothing_searched(parts: int, vertices: int) -> Searched:
+    """Search results before the first frame."""
+    return Searched(np.full((parts, vertices), -1, np.int32), np.zeros((parts, vertices), np.float32))
+
+
 class MotionFields(ctypes.Structure):
     """The struct uvc_motion of uvcloth.h, field by field."""
 
@@ -89,10 +94,11 @@ class ClothSolver:
         velocities: Floats,
         pairs: Pairs,
         searched: Searched,
-    ) -> tuple[Floats, Floats, Pairs, Searched]:
+    ) -> tuple[Floats, Floats, Pairs, Searched] | None:
         """Move positions (N, 3) m and velocities (N, 3) m/s through a frame.
 
-        arrays, numbers, drift: the fields of uvc_motion by their names. Returns what comes after.
+        arrays, numbers, drift: the fields of uvc_motion by their names. Returns what comes after, or None for
+        cloth that has flown apart.
         """
         places, speeds = positions.copy(), velocities.copy()
         faces, clear = searched.faces.copy(), searched.clear.copy()
@@ -114,7 +120,7 @@ class ClothSolver:
                 pointer(pairs.directions),
                 len(pairs.edges),
             )
-            core.uvc_step(
+            stays_together = core.uvc_step(
                 self._handle,
                 ctypes.byref(motion),
                 pointer(places),
@@ -126,7 +132,7 @@ class ClothSolver:
             after = _pairs(core, handle)
         finally:
             core.uvc_free_pairs(handle)
-        return places, speeds, after, Searched(faces, clear)
+        return (places, speeds, after, Searched(faces, clear)) if stays_together else None
 
 
 def _pairs(core: ctypes.CDLL, handle: ctypes.c_void_p) -> Pairs:

@@ -30,7 +30,7 @@ from uvcloth.garments.untangling import untangle
 from uvcloth.motion.index import INDEX
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.physics.fabric import find_fabric
-from uvcloth.simulate.engine import Engine, compile_once
+from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.engines import ENGINES, require_engine_name
 from uvcloth.simulate.members import member_engine
 from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, plan
@@ -149,7 +149,6 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
     todo: is asked for the next job when there is room for it. frames: of all jobs. folder: of their targets.
     Raises InputError without dask, as soon as the folder is gone, and as `results` does.
     """
-    compile_once(engine)
     count = len(todo) if isinstance(todo, Sized) else None
     with connected(workers, count) as client, FramesBar(frames) as bar:
         client.subscribe_topic(FRAMES_TOPIC, lambda event: bar.report(*event[1]))

@@ -1,16 +1,12 @@
 """Protocol of the cloth engines, and their scene; each engine is one file beside this one."""
 
-import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol, Self, runtime_checkable
 
 from torch import Tensor
 
-from uvcloth.physics.cloth.solver import COMPILING
 from uvcloth.physics.fabric import Fabric
-
-LOGGER = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -77,23 +73,3 @@ class SubstepEngine(Engine, Protocol):
     def with_more_substeps(self, share: float) -> Self:
         """Make the same engine with 1 + share times as many substeps."""
         ...
-
-
-@runtime_checkable
-class CompiledEngine(Engine, Protocol):
-    """An engine that is compiled where it runs, once after an installation."""
-
-    def is_compiled(self) -> bool:
-        """True if it is compiled already."""
-        ...
-
-    def compile(self) -> None:
-        """Compile it for this and later processes."""
-        ...
-
-
-def compile_once(engine: Engine) -> None:
-    """Compile an engine that is not yet compiled on this machine, and log it."""
-    if isinstance(engine, CompiledEngine) and not engine.is_compiled():
-        LOGGER.info(COMPILING)
-        engine.compile()

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from uvcloth.bodies.collider import compact
+from uvcloth.physics.cloth.body import Body, make_body
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
-from uvcloth.physics.cloth.moving_body import Body, make_body, no_memory
-from uvcloth.physics.cloth.self_contact import Pairs
 from uvcloth.physics.cloth.solver import (
     HOLD,
     HOLD_DAMPING,
@@ -22,13 +21,13 @@ from uvcloth.physics.cloth.solver import (
     Settings,
     Solver,
     State,
-    is_compiled,
     make_solver,
     moving_frame,
     start,
     step,
 )
 from uvcloth.physics.fabric import Fabric
+from uvcloth.player.cloth import Pairs, nothing_searched
 from uvcloth.simulate.engine import Frame, Scene
 
 # Versions are looked up in files, and an engine is described once for every sequence of a folder.
@@ -55,7 +54,7 @@ class Explicit:
         """Describe engine, versions and settings, as `Engine` says."""
         return {
             "engine": self.name,
-            "versions": {"numba": _version("numba")},
+            "versions": {"uvcloth": _version("uvcloth")},
             "settings": asdict(self),
         }
 
@@ -66,17 +65,6 @@ class Explicit:
     def with_more_substeps(self, share: float) -> Self:
         """Make the same engine with 1 + share times as many substeps."""
         return replace(self, more_substeps=(1.0 + share) * self.more_substeps)
-
-    def is_compiled(self) -> bool:
-        """True if the solver was compiled before on this machine."""
-        return is_compiled()
-
-    def compile(self) -> None:
-        """Compile the solver by simulating one face on another, in about a minute."""
-        rest, faces, one = torch.eye(3), torch.tensor([[0, 1, 2]]), torch.ones(3)
-        two = rest.expand(2, -1, -1)
-        free, touches = torch.zeros(3, dtype=torch.bool), torch.ones(1, 3, dtype=torch.bool)
-        list(self.simulate(Scene(rest, faces, free, one, 0.0 * one, two, two, (faces,), touches, 30.0)))
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield the frames as `Engine` says.
@@ -140,4 +128,4 @@ def _recall(memory: Tensor, body: Body, before: NDArray, after: NDArray, fps: fl
     )
     _, origin, drift = moving_frame(before, after, 1.0 / fps)
     positions, velocities = (part.reshape(-1, 3).copy() for part in parts[:2])
-    return State(positions, velocities, origin, drift, pairs, no_memory(body))
+    return State(positions, velocities, origin, drift, pairs, nothing_searched(*body.touches.shape))

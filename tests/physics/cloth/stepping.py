@@ -1,6 +1,7 @@
 """The solver, stepped by hand: cloth with or without a body, held at some vertices."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,15 +11,19 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from tests.simulate.physics.scenes import RIGID
-from uvcloth.physics.cloth.cloth import Damping, make_cloth
-from uvcloth.physics.cloth.moving_body import make_body
-from uvcloth.physics.cloth.solver import Motion, Settings, Solver, State, make_solver, step
+from uvcloth.physics.cloth.body import Body, make_body
+from uvcloth.physics.cloth.cloth import Cloth, Damping, make_cloth
+from uvcloth.physics.cloth.solver import Motion, Settings, Solver, State, make_solver, start, step
 from uvcloth.physics.fabric import Fabric
 from uvcloth.physics.self_intersection import crossing_edges_percent
+from uvcloth.player.cloth import Elastic, Pairs
 
 VACUUM, DAMPING = Fabric(drag=0.0), Damping()
 HOLD = 100.0
 """Frequency, 1/s, of the springs that hold vertices."""
+
+INSTANT = 1e-7
+"""Seconds in which nothing moves as far as float32 resolves."""
 
 
 def solver(
@@ -47,6 +52,40 @@ def solver(
     parts = [thing.faces + first for thing, first in zip(things, starts, strict=False)]
     body = make_body(surface(things), parts, np.ones((len(things), len(rest)), bool))
     return make_solver(cloth, rest.numpy(), body, Settings(**settings))
+
+
+def elastic_forces(
+    cloth: Cloth, points: Tensor, speeds: Tensor | None = None, wind: Sequence[float] = (0.0, 0.0, 0.0)
+) -> NDArray[np.float32]:
+    """Forces (N, 3) N of faces and hinges at points (N, 3) m that move at (N, 3) m/s."""
+    forces = np.zeros(points.shape, np.float32)
+    moving = np.zeros_like(forces) if speeds is None else np.ascontiguousarray(speeds, np.float32)
+    elastic = Elastic(cloth.elastic_sections(), len(points))
+    elastic.add_forces(points.float().numpy(), moving, forces, np.array(wind, np.float32))
+    return forces
+
+
+def pairs_near(
+    cloth: Cloth,
+    points: NDArray,
+    margin: float,
+    speeds: NDArray | None = None,
+    ahead: float = INSTANT,
+    body: Body | None = None,
+) -> Pairs:
+    """Pairs of cloth at points (N, 3) m that are within a margin, m, or get there in a time ahead, s.
+
+    speeds: (N, 3) m/s.
+    """
+    nothing = make_body(np.zeros((0, 3)), [], np.zeros((0, len(points)), bool))
+    settings = Settings(self_radius=0.0, self_margin=margin, interval=ahead)
+    made = make_solver(cloth, cloth.rest, body or nothing, settings)
+    state = start(made, points)
+    if speeds is not None:
+        state = replace(state, velocities=speeds.astype(np.float32))
+    still, places = np.zeros(len(points), np.float32), points.astype(np.float64)
+    ends = made.body.rest, made.body.rest, places, places
+    return step(made, state, Motion(INSTANT, *ends, still, still)).pairs
 
 
 def surface(things: Sequence[trimesh.Trimesh]) -> NDArray[np.float64]:

@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from tests.physics.cloth.energies import hinge_energy, membrane_energy
+from tests.physics.cloth.stepping import elastic_forces
 from tests.simulate.physics.scenes import sheet
-from uvcloth.physics.cloth.cloth import Cloth, Damping, make_cloth
-from uvcloth.physics.cloth.forces import add_elastic_forces
+from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 
 STIFF = Fabric(stretch=40.0, poisson=0.3, bend=1e-4, drag=0.0)
 UNDAMPED = Damping(stretch=0.0, bend=0.0)
 STRETCH_ALONE = replace(STIFF, bend=0.0)
-STILL = (np.float32(0.0),) * 3
 
 
 def uneven_sheet(bumps: float = 0.004) -> tuple[Tensor, Tensor]:
@@ -33,13 +32,6 @@ def deformed(rest: Tensor, seed: int, bumps: float = 0.003) -> Tensor:
     return rest @ turn.T + bumps * torch.randn(rest.shape, generator=draw)
 
 
-def forces(cloth: Cloth, points: Tensor, speeds: Tensor | None = None) -> NDArray[np.float32]:
-    found = np.zeros(points.shape, np.float32)
-    moving = np.zeros_like(found) if speeds is None else np.ascontiguousarray(speeds, np.float32)
-    add_elastic_forces(cloth.membrane, cloth.hinges, points.float().numpy(), moving, STILL, found)
-    return found
-
-
 def assert_like(found: NDArray[np.float32], expected: Tensor, share: float = 2e-5) -> None:
     """Equal to within a share of the largest."""
     expected = expected.numpy()
@@ -53,7 +45,7 @@ def test_the_membrane_pulls_down_the_slope_of_its_energy(seed: int, compression:
     cloth = make_cloth(rest.numpy(), faces.numpy(), STRETCH_ALONE, compression=compression, damping=UNDAMPED)
     points = deformed(rest, seed).double().requires_grad_()
     membrane_energy(points, rest.double(), faces, STRETCH_ALONE, compression).backward()
-    assert_like(forces(cloth, points.detach()), -points.grad)
+    assert_like(elastic_forces(cloth, points.detach()), -points.grad)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -65,9 +57,9 @@ def test_hinges_turn_down_the_slope_of_their_energy(seed: int) -> None:
     bending = replace(cloth, membrane=cloth.membrane._replace(shear=nothing, spread=nothing))
     points = deformed(rest, seed, bumps=0.0015).double().requires_grad_()
     hinge_energy(points, rest.double(), faces, STIFF).backward()
-    assert_like(forces(bending, points.detach()), -points.grad, 1e-4)
-    both, membrane = forces(cloth, points.detach()), forces(limp, points.detach())
-    np.testing.assert_allclose(both - membrane, forces(bending, points.detach()), atol=1e-6)
+    assert_like(elastic_forces(bending, points.detach()), -points.grad, 1e-4)
+    both, membrane = elastic_forces(cloth, points.detach()), elastic_forces(limp, points.detach())
+    np.testing.assert_allclose(both - membrane, elastic_forces(bending, points.detach()), atol=1e-6)
 
 
 def test_cloth_at_rest_has_no_forces_wherever_it_is() -> None:
@@ -75,18 +67,18 @@ def test_cloth_at_rest_has_no_forces_wherever_it_is() -> None:
     cloth = make_cloth(rest.numpy(), faces.numpy(), STIFF)
     turn = torch.linalg.qr(torch.randn(3, 3, generator=torch.manual_seed(4)))[0]
     turn = turn * torch.linalg.det(turn)
-    held = np.abs(forces(cloth, deformed(rest, 1))).max()
-    assert np.abs(forces(cloth, rest @ turn.T + 0.3)).max() < 1e-4 * held
+    held = np.abs(elastic_forces(cloth, deformed(rest, 1))).max()
+    assert np.abs(elastic_forces(cloth, rest @ turn.T + 0.3)).max() < 1e-4 * held
 
 
 def test_damping_takes_energy_of_any_motion_but_a_rigid_one() -> None:
     rest, faces = uneven_sheet()
     cloth = make_cloth(rest.numpy(), faces.numpy(), STIFF, damping=Damping(stretch=1e-3, bend=1e-2))
     points, draw = deformed(rest, 1), torch.manual_seed(5)
-    elastic = forces(cloth, points)
+    elastic = elastic_forces(cloth, points)
 
     def viscous(speeds: Tensor) -> NDArray[np.float64]:
-        return (forces(cloth, points, speeds) - elastic).astype(np.float64)
+        return (elastic_forces(cloth, points, speeds) - elastic).astype(np.float64)
 
     first, second = (torch.randn(rest.shape, generator=draw) for _ in range(2))
     size = np.abs(viscous(first)).max()
@@ -103,7 +95,7 @@ def test_forces_inside_cloth_neither_push_nor_turn_it_as_a_whole() -> None:
     rest, faces = uneven_sheet()
     cloth = make_cloth(rest.numpy(), faces.numpy(), STIFF, damping=Damping(stretch=1e-3, bend=1e-2))
     points = deformed(rest, 2, bumps=0.006)
-    found = forces(cloth, points, torch.randn(points.shape, generator=torch.manual_seed(6))).astype(
+    found = elastic_forces(cloth, points, torch.randn(points.shape, generator=torch.manual_seed(6))).astype(
         np.float64
     )
     size = np.abs(found).sum()
@@ -117,11 +109,8 @@ def test_air_pushes_a_face_by_half_its_density_and_the_square_of_the_speed_along
     cloth = make_cloth(rest.numpy(), np.array([[0, 1, 2]]), Fabric(drag=1.3), damping=UNDAMPED)
     points = rest * torch.tensor([2.0, 1.0, 1.0])
     speeds = torch.tensor([5.0, 0.0, -3.0]).expand(3, 3)
-    moved = forces(cloth, points, speeds) - forces(cloth, points)
+    moved = elastic_forces(cloth, points, speeds) - elastic_forces(cloth, points)
     push = 0.5 * AIR_DENSITY * 1.3 * 4e-4 * 3.0**2
     np.testing.assert_allclose(moved, np.tile([0.0, 0.0, push / 3.0], (3, 1)), rtol=1e-4, atol=1e-8)
-    wind = np.zeros((3, 3), np.float32)
-    still = points.numpy(), np.zeros((3, 3), np.float32)
-    drift = np.float32(5.0), np.float32(0.0), np.float32(-3.0)
-    add_elastic_forces(cloth.membrane, cloth.hinges, *still, drift, wind)
-    np.testing.assert_allclose(wind - forces(cloth, points), moved, atol=1e-7)
+    blown = elastic_forces(cloth, points, wind=(5.0, 0.0, -3.0)) - elastic_forces(cloth, points)
+    np.testing.assert_allclose(blown, moved, atol=1e-7)

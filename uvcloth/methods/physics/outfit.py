@@ -1,6 +1,5 @@
 """Outfits on cages, which the solver moves, and the garments that follow them, cleared off the skin."""
 
-import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -21,14 +20,12 @@ from uvcloth.geometry.skeleton import joint_positions, joint_transforms, local_r
 from uvcloth.geometry.skinning import skin
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.cloth.solver import (
-    COMPILING,
     HOLD,
     HOLD_DAMPING,
     Motion,
     Settings,
     Solver,
     State,
-    is_compiled,
     make_solver,
     start,
     step,
@@ -36,8 +33,6 @@ from uvcloth.physics.cloth.solver import (
 from uvcloth.physics.layer_thickness import outfit_thickness
 from uvcloth.physics.outfit_clearing import FOLLOWING, OutfitClearing
 from uvcloth.player.clearing import ClearingMemory
-
-LOGGER = logging.getLogger(__name__)
 
 CAGE_INTERVAL = 1.0 / 60.0
 """Seconds between two searches for contact; fine cloth is searched twice as often."""
@@ -157,8 +152,6 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
 
     Raises InputError for a garment that nothing holds up, and for cloth that the solver cannot step.
     """
-    if not is_compiled():
-        LOGGER.info(COMPILING)
     body = outfit.body
     garments = tuple(_caged(outfit.garments, QUALITIES[config.quality]))
     joined = join_meshes((each.cage.vertices, each.cage.faces) for each in garments)

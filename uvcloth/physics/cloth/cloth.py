@@ -3,14 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rasterize.charts import edge_keys, edge_twins, edges_of, face_components
-from uvcloth.physics.cloth.forces import BLOCK, SQUEEZED, Hinges, Membrane
-from uvcloth.physics.cloth.tree import SHEET_LEAF, Tree, adjacent_nodes, adjacent_walk, build_tree
 from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 
 SPACING = 1.5
@@ -19,46 +17,78 @@ SPACING = 1.5
 NARROWEST = 1e-8
 """Least width, m, of a face: one without an area is refused for its stiffness."""
 
-Floats = NDArray[np.float32]
+SQUEEZED = 0.5
+"""Share of its area at rest below which the bending forces of a face fade: they would grow without bound."""
+
+Floats = NDArray[np.floating]
 Integers = NDArray[np.integer]
 
 
 class Particles(NamedTuple):
     """Vertices of cloth.
 
-    mass: (N,) kg. inverse_mass: (N,) 1/kg. weight: (N,) share of the mass on which gravity acts. thickness:
-    (N,) m of other cloth between a vertex and the body. friction: (N,) coefficient on the body and on cloth.
+    mass: (N,) kg. weight: (N,) share of the mass on which gravity acts. thickness: (N,) m of other cloth
+    between a vertex and the body. friction: (N,) coefficient on the body and on cloth.
     """
 
     mass: Floats
-    inverse_mass: Floats
     weight: Floats
     thickness: Floats
     friction: Floats
 
 
+class Membrane(NamedTuple):
+    """Faces of cloth.
+
+    corners: (M, 3). inverse: (M, 4) 1/m, entries 00, 01, 10, 11 of the inverse of the rest edges' matrix.
+    area: (M,) m2. shear, spread: (M,) N/m, Lame parameters mu, lambda. damping: (M,) N s/m, of strain rates.
+    pressure: (M,) kg/m3, half the density of air times the drag coefficient. reduction: root of the share of
+    the stiffness that is left where cloth begins to be compressed; it grows to 1 where a face is flat, or
+    shirts would ruck up on hips and stay so.
+    """
+
+    corners: Integers
+    inverse: Floats
+    area: Floats
+    shear: Floats
+    spread: Floats
+    damping: Floats
+    pressure: Floats
+    reduction: float
+
+
+class Hinges(NamedTuple):
+    """Edges between two faces.
+
+    corners: (E, 4), the vertices opposite of the edge, then its ends. stiffness: (E,) N m. rest: (E,)
+    radians. floors: (E, 2) m4, square of the doubled area of each face below which forces fade. damping: s,
+    times the stiffness.
+    """
+
+    corners: Integers
+    stiffness: Floats
+    rest: Floats
+    floors: Floats
+    damping: float
+
+
 class Sheet(NamedTuple):
     """Surface of cloth for contact with itself.
 
-    faces: (M, 3). edges: (E, 2). owned: (M,) uint8, bits 0 to 2 of the corners and bits 3 to 5 of the edges
-    (corner i to i + 1) that a face stands for, so that each is tested once. face_edges: (M, 3) into edges.
-    ring_starts: (N + 1,), ring: the vertices on an edge with each vertex. tree: over the faces. halves: (T,),
-    following: (P, 2), where a walk through its pairs of nodes goes on, as `adjacent_walk` says. apart: (K, K)
-    bool, pairs of pieces, the K roots of the tree, that do not touch.
-    spacing: m, least distance of vertices along the mesh that are no neighbours, in slightly squeezed cloth.
+    faces: (M, 3), piece after piece. starts: (K + 1,) first face of each piece. edges: (E, 2). owned: (M,)
+    uint8, bits 0 to 2 of the corners and bits 3 to 5 of the edges (corner i to i + 1) that a face stands for,
+    so that each is tested once. face_edges: (M, 3) into edges. apart: (K, K) bool, pairs of pieces that do
+    not touch. spacing: m, least distance of vertices along the mesh that are no neighbours, in slightly
+    squeezed cloth.
     """
 
     faces: Integers
+    starts: Integers
     edges: Integers
     owned: NDArray[np.uint8]
     face_edges: Integers
-    ring_starts: Integers
-    ring: Integers
-    tree: Tree
-    halves: NDArray[np.int32]
-    following: NDArray[np.int32]
     apart: NDArray[np.bool_]
-    spacing: np.float32
+    spacing: float
 
 
 @dataclass(frozen=True)
@@ -71,12 +101,22 @@ class Damping:
 
 @dataclass(frozen=True)
 class Cloth:
-    """One garment, or several as one cloth, at rest."""
+    """One garment, or several as one cloth, at rest, (N, 3) m."""
 
+    rest: NDArray[np.float64]
     particles: Particles
     membrane: Membrane
     hinges: Hinges
     sheet: Sheet
+
+    def elastic_sections(self) -> dict[str, NDArray[Any]]:
+        """The arrays of faces and hinges that the runtime reads, by their names there."""
+        return {**_named("membrane", self.membrane), **_named("hinges", self.hinges)}
+
+    def sections(self) -> dict[str, NDArray[Any]]:
+        """All arrays that the runtime reads, by their names there."""
+        particles, sheet = _named("particles", self.particles), _named("sheet", self.sheet)
+        return {"cloth.rest": self.rest, **particles, **self.elastic_sections(), **sheet}
 
 
 def make_cloth(
@@ -120,9 +160,9 @@ def make_cloth(
     true_mass = _redistributed(mass, factor, stiffness, moved_mass)
     heavy = true_mass + (factor - 1.0) * mass
     return Cloth(
+        rest,
         Particles(
             mass=heavy.astype(np.float32),
-            inverse_mass=(1.0 / heavy).astype(np.float32),
             weight=(true_mass / heavy).astype(np.float32),
             thickness=np.zeros(len(rest), np.float32)
             if thickness is None
@@ -130,19 +170,23 @@ def make_cloth(
             friction=friction.astype(np.float32),
         ),
         Membrane(
-            size=len(faces),
-            corners=_padded(faces.T, np.uint32),
-            inverse=_padded(inverse.reshape(-1, 4).T, np.float32),
-            area=_padded(area, np.float32),
-            shear=_padded(shear, np.float32),
-            spread=_padded(spread, np.float32),
-            reduction=np.float32(reduction),
-            damping=_padded(2.0 * damping.stretch * (shear + spread), np.float32),
-            pressure=_padded(0.5 * AIR_DENSITY * drag, np.float32),
+            corners=faces,
+            inverse=inverse.reshape(-1, 4),
+            area=area,
+            shear=shear,
+            spread=spread,
+            damping=2.0 * damping.stretch * (shear + spread),
+            pressure=0.5 * AIR_DENSITY * drag,
+            reduction=reduction,
         ),
         _hinges(rest, faces, bend, damping.bend),
         _sheet(rest, faces, of_face, np.zeros((len(fabrics),) * 2, np.bool_) if apart is None else apart),
     )
+
+
+def _named(prefix: str, record: NamedTuple) -> dict[str, NDArray[Any]]:
+    """Fields of a record as arrays of at least one axis, by their names after a prefix."""
+    return {f"{prefix}.{name}": np.atleast_1d(value) for name, value in record._asdict().items()}
 
 
 def _flattened(rest: NDArray[np.float64], faces: Integers) -> tuple[NDArray, NDArray]:
@@ -196,32 +240,17 @@ def _hinges(rest: NDArray[np.float64], faces: Integers, bend: NDArray, damping: 
     areas = np.stack([np.linalg.norm(n0, axis=1), np.linalg.norm(n1, axis=1)])
     sine = (np.cross(n0, n1) * along).sum(1) / np.maximum(lengths, 1e-12)
     return Hinges(
-        size=len(pairs),
-        corners=_padded(np.concatenate([opposite, pairs], 1).T, np.uint32),
-        stiffness=_padded(
-            2.0 * bend[face].mean(1) * lengths**2 / np.maximum(areas.sum(0), NARROWEST**2), np.float32
-        ),
-        rest=_padded(np.arctan2(sine, (n0 * n1).sum(1)), np.float32),
-        floors=_padded((SQUEEZED * areas) ** 2, np.float32),
-        damping=np.float32(damping),
+        corners=np.concatenate([opposite, pairs], 1),
+        stiffness=2.0 * bend[face].mean(1) * lengths**2 / np.maximum(areas.sum(0), NARROWEST**2),
+        rest=np.arctan2(sine, (n0 * n1).sum(1)),
+        floors=((SQUEEZED * areas) ** 2).T,
+        damping=damping,
     )
-
-
-def vertex_rings(edges: Integers, count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Neighbours by edges (E, 2) of each of N = `count` vertices, in rows (2 E,), one vertex after another.
-
-    Returns the first row (N + 1,) of each vertex, and the neighbours.
-    """
-    both = np.concatenate([edges, edges[:, ::-1]])
-    both = both[np.lexsort((both[:, 1], both[:, 0]))]
-    starts = np.searchsorted(both[:, 0], np.arange(count + 1))
-    return starts.astype(np.int32), np.ascontiguousarray(both[:, 1], np.int32)
 
 
 def _sheet(
     rest: NDArray[np.float64], faces: Integers, garment_of: Integers, apart: NDArray[np.bool_]
 ) -> Sheet:
-    # In pieces, so that the faces of a node of the tree are mostly one patch.
     pieces = face_components(faces, np.zeros(0, np.int64))
     garments = garment_of[np.unique(pieces, return_index=True)[1]]
     faces = faces[np.argsort(pieces, kind="stable")]
@@ -232,27 +261,12 @@ def _sheet(
     np.bitwise_or.at(owned, owner[first], (8 << (first // len(faces))).astype(np.uint8))
     _, corner = np.unique(faces.ravel(), return_index=True)
     np.bitwise_or.at(owned, corner // 3, (1 << (corner % 3)).astype(np.uint8))
-    ring_starts, ring = vertex_rings(edges, len(rest))
-    tree = build_tree(rest.astype(np.float32), faces, np.bincount(pieces), SHEET_LEAF)
-    halves, following = adjacent_walk(tree, adjacent_nodes(tree, faces))
     return Sheet(
         faces=faces,
-        edges=np.ascontiguousarray(edges, np.int32),
+        starts=np.cumsum([0, *np.bincount(pieces)]),
+        edges=edges,
         owned=owned,
-        face_edges=np.ascontiguousarray(which.reshape(3, -1).T, np.int32),
-        ring_starts=ring_starts,
-        ring=ring,
-        tree=tree,
-        halves=halves,
-        following=following,
+        face_edges=which.reshape(3, -1).T,
         apart=apart[garments[:, None], garments],
-        spacing=np.float32(
-            SPACING * np.quantile(np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1), 0.1)
-        ),
+        spacing=SPACING * np.quantile(np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1), 0.1),
     )
-
-
-def _padded(values: NDArray, kind: type) -> NDArray:
-    """Array of whole blocks along its last axis, the last one filled with zeros."""
-    missing = -values.shape[-1] % BLOCK
-    return np.ascontiguousarray(np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, missing)]), kind)

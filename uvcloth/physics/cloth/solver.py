@@ -1,46 +1,27 @@
 """The cloth solver: symplectic Euler in many small substeps, with contact, stepped frame by frame."""
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uvcloth.errors import InputError
-from uvcloth.geometry.units import GRAVITY
-from uvcloth.physics.cloth.body_contact import CLOSE, Watch, find_contacts, no_contacts, resolve_contacts
-from uvcloth.physics.cloth.caught import find_caught, without_caught
-from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
-from uvcloth.physics.cloth.forces import Hinges, Membrane, add_elastic_forces
-from uvcloth.physics.cloth.moving_body import Body, Memory, begin_passage, end_passage, no_memory
-from uvcloth.physics.cloth.self_contact import Pairs, find_pairs, no_pairs, resolve_pairs
+from uvcloth.physics.cloth.body import Body
+from uvcloth.physics.cloth.cloth import Cloth
 from uvcloth.physics.cloth.stability import largest_step
-from uvcloth.physics.cloth.vectors import TWO, ZERO, Array, Number, Vector, store
-from uvcloth.process.compiled import compiled, inlined, is_kept
+from uvcloth.player.cloth import ClothSolver, Pairs, Searched, no_pairs, nothing_searched
 
 Floats = NDArray[np.float32]
-
-FALL = np.float32(GRAVITY)
-"""Acceleration of gravity, m/s2, as the compiled loop computes with it."""
 
 HOLD, HOLD_DAMPING = 100.0, 0.7
 """Frequency, 1/s, and damping ratio of the springs that hold the band of a garment."""
 
-COMPILING = "compiling the cloth solver, once after an installation (about a minute)"
-"""Message while the first step waits for the compiler."""
-
 MOST_SUBSTEPS_PER_SECOND = 60_000
 """Substeps above which cloth is refused: its faces are too small, or it is too stiff, for its mass."""
 
-FASTEST = 200.0
-"""Impossible speed of cloth relative to the body, m/s: a frame in which a vertex is faster is repeated."""
-
 FASTEST_BODY = 40.0
 """Greatest speed of a body, m/s, relative to the mean of the cloth, that can be followed."""
-
-WATCHED = np.float32(0.004)
-"""Metres more than where cloth touches the body within which it is watched."""
 
 RETRIES = 2
 """Times that a frame is repeated, each with twice the substeps."""
@@ -77,6 +58,7 @@ class Solver:
     body: Body
     settings: Settings
     stable_step: float
+    runtime: ClothSolver
 
 
 @dataclass(frozen=True)
@@ -93,25 +75,13 @@ class State:
     origin: NDArray[np.float64]
     drift: NDArray[np.float64]
     pairs: Pairs
-    near: Memory
+    near: Searched
     substeps: int = 0
     frame: int = 0
 
     def vertices(self) -> NDArray[np.float64]:
         """Positions (N, 3) m in the world."""
         return self.positions + self.origin
-
-
-class Drive(NamedTuple):
-    """A `Motion` in the frame of reference, for the compiled loop; acceleration may have no rows."""
-
-    body_start: Floats
-    body_end: Floats
-    target_start: Floats
-    target_end: Floats
-    pull: Floats
-    damping: Floats
-    acceleration: Floats
 
 
 @dataclass(frozen=True)
@@ -145,14 +115,14 @@ def make_solver(cloth: Cloth, rest: NDArray, body: Body, settings: Settings, nam
             f"the limit is {MOST_SUBSTEPS_PER_SECOND}: one of its faces is too narrow, or its fabric is too "
             "stiff for its weight"
         )
-    return Solver(cloth, body, settings, step)
+    return Solver(cloth, body, settings, step, ClothSolver.of({**cloth.sections(), **body.sections()}))
 
 
 def start(solver: Solver, vertices: NDArray) -> State:
     """Start at rest at (N, 3) m."""
     origin = np.asarray(vertices, np.float64).mean(0)
     positions = (vertices - origin).astype(np.float32)
-    still, near = np.zeros_like(positions), no_memory(solver.body)
+    still, near = np.zeros_like(positions), nothing_searched(*solver.body.touches.shape)
     return State(positions, still, origin, np.zeros(3), no_pairs(), near)
 
 
@@ -161,25 +131,26 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
 
     The frame of reference moves evenly with the mean of the targets, which keeps numbers small where a body
     walks far. A frame in which cloth flies apart is repeated with more substeps. If that does not help, the
-    returned state has numbers that are not finite or too large: the caller has to check it. Raises
-    InputError for a body that is faster than FASTEST_BODY, or whose vertices are not finite.
+    positions of the returned state are not finite: the caller has to check them. Raises InputError for a body
+    that is faster than FASTEST_BODY, or whose vertices are not finite.
     """
     origin, end, drift = moving_frame(motion.target_start, motion.target_end, motion.seconds)
     began = (state.positions + (state.origin - origin)).astype(np.float32)
     speeds = (state.velocities + (state.drift - drift)).astype(np.float32)
-    drive = Drive(
-        _around(motion.body_start, origin),
-        _around(motion.body_end, end),
-        _around(motion.target_start, origin),
-        _around(motion.target_end, end),
-        motion.pull,
-        motion.damping,
-        np.zeros((0, 3), np.float32) if motion.acceleration is None else motion.acceleration,
-    )
-    settings, cloth = solver.settings, solver.cloth
+    body_start, body_end = _around(motion.body_start, origin), _around(motion.body_end, end)
+    arrays = {
+        "body_start": body_start,
+        "body_end": body_end,
+        "target_start": _around(motion.target_start, origin),
+        "target_end": _around(motion.target_end, end),
+        "pull": motion.pull,
+        "damping": motion.damping,
+        "acceleration": motion.acceleration,
+    }
+    settings = solver.settings
     needed = motion.seconds * max(settings.substeps, 1.0 / (settings.safety * solver.stable_step))
     # Cloth that moves farther than the reach between two searches could pass through the body.
-    body_speed = _fastest(drive.body_end - drive.body_start) / motion.seconds
+    body_speed = _fastest(body_end - body_start) / motion.seconds
     if not body_speed <= FASTEST_BODY:
         raise InputError(
             f"the body moves at {body_speed:.0f} m/s past the cloth in a frame, the limit is "
@@ -188,34 +159,25 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
     body_interval = min(settings.interval, settings.reach / max(body_speed + _fastest(speeds), 1e-6))
     for attempt in range(RETRIES + 1):
         substeps = math.ceil(needed) << attempt
-        positions, velocities = began.copy(), speeds.copy()
-        pairs, near = _advance(
-            cloth.membrane,
-            cloth.hinges,
-            cloth.particles,
-            cloth.sheet,
-            solver.body,
-            drive,
-            (np.float32(drift[0]), np.float32(drift[1]), np.float32(drift[2])),
-            positions,
-            velocities,
-            state.pairs,
-            state.near,
-            state.frame,
-            settings.renewal,
-            substeps,
-            max(1, round(substeps * settings.interval / motion.seconds)),
-            max(1, int(substeps * body_interval / motion.seconds)),
-            settings.self_contact,
-            np.float32(motion.seconds),
-            np.float32(settings.radius),
-            np.float32(settings.self_radius),
-            np.float32(settings.self_margin),
-            np.float32(settings.reach),
-        )
-        if np.isfinite(positions).all() and np.abs(velocities).max(initial=0.0) < FASTEST:
-            break
-    return State(positions, velocities, end, drift, pairs, near, substeps, state.frame + 1)
+        numbers = {
+            "seconds": motion.seconds,
+            "radius": settings.radius,
+            "self_radius": settings.self_radius,
+            "self_margin": settings.self_margin,
+            "reach": settings.reach,
+            "substeps": substeps,
+            "interval": max(1, round(substeps * settings.interval / motion.seconds)),
+            "body_interval": max(1, int(substeps * body_interval / motion.seconds)),
+            "hinge_interval": 1,
+            "frame": state.frame,
+            "renewal": settings.renewal,
+            "self_contact": settings.self_contact,
+        }
+        after = solver.runtime.step(arrays, numbers, drift, began, speeds, state.pairs, state.near)
+        if after is not None:
+            positions, velocities, pairs, near = after
+            return State(positions, velocities, end, drift, pairs, near, substeps, state.frame + 1)
+    return replace(state, positions=np.full_like(began, np.nan), origin=end, drift=drift)
 
 
 def _fastest(ways: NDArray) -> float:
@@ -224,18 +186,8 @@ def _fastest(ways: NDArray) -> float:
     return math.sqrt(float((x + y + z).max(initial=0.0)))
 
 
-def is_compiled() -> bool:
-    """True if the first step needs no compilation, which takes about a minute."""
-    return is_kept(_advance)
-
-
-@compiled
-def _around(points: Array, origin: Array) -> Array:
-    near = np.empty(points.shape, np.float32)
-    for i in range(len(points)):
-        for j in range(3):
-            near[i, j] = points[i, j] - origin[j]
-    return near
+def _around(points: NDArray, origin: NDArray[np.float64]) -> Floats:
+    return (points - origin).astype(np.float32)
 
 
 def moving_frame(
@@ -247,143 +199,3 @@ def moving_frame(
     """
     origin, destination = (np.asarray(points, np.float64).mean(0) for points in (start, end))
     return origin, destination, (destination - origin) / seconds
-
-
-@compiled
-def _advance(
-    membrane: Membrane,
-    hinges: Hinges,
-    particles: Particles,
-    sheet: Sheet,
-    body: Body,
-    drive: Drive,
-    drift: Vector,
-    positions: Array,
-    velocities: Array,
-    pairs: Pairs,
-    near: Memory,
-    frame: int,
-    renewal: int,
-    substeps: int,
-    interval: int,
-    body_interval: int,
-    self_contact: bool,
-    seconds: Number,
-    radius: Number,
-    self_radius: Number,
-    self_margin: Number,
-    reach: Number,
-) -> tuple[Pairs, Memory]:
-    """Move positions and velocities through the substeps of a frame; returns the pairs and search results."""
-    step = seconds / np.float32(substeps)
-    forces, rounded = np.empty_like(positions), np.zeros(positions.shape, np.float64)
-    nodes = len(sheet.tree.ranges)
-    sheet_boxes, speeds = np.empty((nodes, 6), np.float32), np.empty((nodes, 6), np.float32)
-    cones = np.empty((nodes, 5), np.float32)
-    point_wait, edge_wait = np.zeros(0, np.int32), np.zeros(0, np.int32)
-    passage = begin_passage(body, drive.body_start, drive.body_end, positions, near, frame, renewal)
-    contacts = no_contacts()
-    caught = find_caught(body, drive.body_start, positions)
-    watched = radius + WATCHED + particles.thickness
-    until_next = np.float32(body_interval) / np.float32(substeps)
-    watch = Watch(velocities, watched, until_next, seconds, reach, CLOSE)
-    pulled = np.nonzero(drive.pull)[0]
-    for substep in range(substeps):
-        share = np.float32(substep + 1) / np.float32(substeps)
-        _weigh(particles, drive.acceleration, forces)
-        add_elastic_forces(membrane, hinges, positions, velocities, drift, forces)
-        _pull(particles, drive, pulled, share, seconds, positions, velocities, forces)
-        _integrate(particles, forces, step, positions, velocities, rounded)
-        if self_contact:
-            if substep % interval == 0:
-                pairs = find_pairs(
-                    sheet,
-                    positions,
-                    velocities,
-                    self_radius + self_margin,
-                    step * np.float32(interval),
-                    pairs,
-                    sheet_boxes,
-                    speeds,
-                    cones,
-                )
-                pairs = without_caught(pairs, sheet, body, caught)
-                point_wait = np.zeros(len(pairs.points), np.int32)
-                edge_wait = np.zeros(len(pairs.edges), np.int32)
-            resolve_pairs(
-                pairs,
-                point_wait,
-                edge_wait,
-                sheet,
-                positions,
-                velocities,
-                particles.inverse_mass,
-                self_radius,
-                particles.friction,
-                step,
-            )
-        if len(body.faces) > 0:
-            if substep % body_interval == 0:
-                contacts = find_contacts(body, passage, share, positions, watch)
-            resolve_contacts(
-                contacts,
-                body,
-                passage,
-                share,
-                positions,
-                velocities,
-                particles.thickness,
-                radius,
-                particles.friction,
-                step,
-                seconds,
-            )
-    return pairs, end_passage(passage, positions)
-
-
-@inlined
-def _weigh(particles: Particles, acceleration: Array, forces: Array) -> None:
-    """Set forces (N, 3), N, to the weight plus mass times an acceleration from outside."""
-    for i in range(len(forces)):
-        store(forces, i, (ZERO, ZERO, -FALL * particles.weight[i] * particles.mass[i]))
-    for i in range(len(acceleration)):
-        for j in range(3):
-            forces[i, j] += particles.mass[i] * acceleration[i, j]
-
-
-@inlined
-def _pull(
-    particles: Particles,
-    drive: Drive,
-    pulled: Array,
-    share: Number,
-    seconds: Number,
-    positions: Array,
-    velocities: Array,
-    forces: Array,
-) -> None:
-    """Add the forces of damped springs to the targets, at a share of the way through the frame."""
-    for i in pulled:
-        rate = drive.pull[i]
-        for j in range(3):
-            way = drive.target_end[i, j] - drive.target_start[i, j]
-            error = drive.target_start[i, j] + share * way - positions[i, j]
-            lag = way / seconds - velocities[i, j]
-            forces[i, j] += particles.mass[i] * rate * (rate * error + TWO * drive.damping[i] * lag)
-
-
-@inlined
-def _integrate(
-    particles: Particles, forces: Array, step: Number, positions: Array, velocities: Array, rounded: Array
-) -> None:
-    """Symplectic Euler.
-
-    rounded: (N, 3), rounding errors of the float32 positions: without them slow vertices would not move in
-    small substeps.
-    """
-    for i in range(len(positions)):
-        for j in range(3):
-            velocities[i, j] += step * particles.inverse_mass[i] * forces[i, j]
-            exact = np.float64(positions[i, j]) + rounded[i, j] + np.float64(step) * velocities[i, j]
-            positions[i, j] = np.float32(exact)
-            rounded[i, j] = exact - np.float64(positions[i, j])

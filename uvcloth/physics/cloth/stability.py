@@ -1,13 +1,13 @@
 """Step size of explicit integration: from the highest frequency and damping of the cloth."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uvcloth.physics.cloth.cloth import Cloth
-from uvcloth.physics.cloth.forces import add_elastic_forces
-from uvcloth.physics.cloth.vectors import ZERO
+from uvcloth.player.cloth import Elastic
 
 ITERATIONS = 60
 """Power iterations: the eigenvalue is found to about a percent."""
@@ -31,10 +31,10 @@ def _largest_eigenvalue(cloth: Cloth, rest: NDArray[np.float32], rates: bool) ->
     """Largest eigenvalue of the mass-weighted stiffness, 1/s2, or of the damping, 1/s."""
     # In tension cloth is as stiff as it gets, however soft compression is.
     nothing = np.zeros_like(cloth.membrane.area)
-    still = cloth.membrane._replace(pressure=nothing, reduction=np.float32(1.0))
-    hinges = cloth.hinges
+    still, hinges = cloth.membrane._replace(pressure=nothing, reduction=1.0), cloth.hinges
     if not rates:
-        still, hinges = still._replace(damping=nothing), hinges._replace(damping=np.float32(0.0))
+        still, hinges = still._replace(damping=nothing), hinges._replace(damping=0.0)
+    elastic = Elastic(replace(cloth, membrane=still, hinges=hinges).elastic_sections(), len(rest))
     root = np.sqrt(cloth.particles.mass.astype(np.float64))[:, None]
     direction = np.random.default_rng(0).normal(size=rest.shape)
     centred = rest - rest.mean(0)
@@ -48,7 +48,7 @@ def _largest_eigenvalue(cloth: Cloth, rest: NDArray[np.float32], rates: bool) ->
             shift = (sign * size * displacement).astype(np.float32)
             positions, velocities = (centred, shift) if rates else (centred + shift, np.zeros_like(shift))
             force = np.zeros_like(shift)
-            add_elastic_forces(still, hinges, positions, velocities, (ZERO, ZERO, ZERO), force)
+            elastic.add_forces(positions, velocities, force)
             forces.append(force.astype(np.float64))
         direction = (forces[1] - forces[0]) / (2.0 * size * root)
         value = float(np.linalg.norm(direction))
