@@ -3,6 +3,7 @@
 #pragma once
 
 #include "collider.h"
+#include "layers.h"
 
 namespace uvc {
 
@@ -14,7 +15,7 @@ struct Covered {
 };
 
 // Fine meshes of an outfit. thickness: (N) m of other cloth between a vertex and the body. cloth, skin: the
-// surfaces that rays meet. rest: (N) m.
+// surfaces that rays meet. rest: (N) m. layers: garments over each other.
 struct Clearing {
     Collider collider;
     Rings rings;
@@ -22,18 +23,19 @@ struct Clearing {
     Array<Vec> rest;
     Surface cloth, skin;
     Covered covered;
+    Layers layers;
     Arena arena;
 };
 
-// What is remembered of the frame before: cloth (N) and body (C) m, search results, and how many frames there
-// were.
+// What is remembered of the frame before: cloth (N) and body (C) m, search results, those of layers, and how
+// many frames there were.
 struct ClearingMemory {
     Vec *cloth, *body;
     Searched searched;
-    int32_t *frame;
+    int32_t *hints, *frame;
 };
 
-// Reads what `read_collider` does, and "cloth.rest" (N, 3) m, "cloth.faces" (M, 3), "cloth.thickness" (N),
+// Reads what `read_collider` and `read_layers` do, and "cloth.rest" (N, 3) m, "cloth.faces" (M, 3), "cloth.thickness" (N),
 // "skin.rest" (V, 3) m, "skin.faces" (F, 3), and of the covered points "covered.corners" (P, 3),
 // "covered.weights" (P, 3).
 void read_clearing(const Sections &sections, Clearing &clearing, Failure &failure);

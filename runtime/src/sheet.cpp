@@ -1,0 +1,205 @@
+#include "sheet.h"
+
+namespace uvc {
+
+namespace {
+
+constexpr int DEPTH = 64;
+
+// Metres: no box is there.
+constexpr float FAR = 1e9f;
+
+// Orders faces so that every run of eight, and of eight such runs, lies together: runs of the longest kind are
+// halved at a middle one, along the widest axis.
+void arrange(Array<int32_t> order, Array<Vec> centres) {
+    if (order.size <= LANES) return;
+    int run = LANES;
+    while (run * LANES < order.size) run *= LANES;
+    Vec low = centres[order[0]], high = low;
+    for (int face : order) {
+        Vec c = centres[face];
+        low = {least(low.x, c.x), least(low.y, c.y), least(low.z, c.z)};
+        high = {most(high.x, c.x), most(high.y, c.y), most(high.z, c.z)};
+    }
+    Vec size = high - low;
+    int along = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    sort(order, [&](int a, int b) { return axis(centres[a], along) < axis(centres[b], along); });
+    int runs = (order.size + run - 1) / run, middle = (runs + 1) / 2 * run;
+    arrange(order.part(0, middle), centres);
+    arrange(order.part(middle, order.size), centres);
+}
+
+UVC_INLINE LaneVec spread(Vec a) { return {Lanes{} + a.x, Lanes{} + a.y, Lanes{} + a.z}; }
+UVC_INLINE void put(LaneVec &lanes, int lane, Vec a) {
+    lanes.x[lane] = a.x;
+    lanes.y[lane] = a.y;
+    lanes.z[lane] = a.z;
+}
+
+// Squares of the distances of a point from eight boxes.
+UVC_INLINE Lanes outside(const LaneBox &box, LaneVec point) {
+    Lanes x = most(most(box.low.x - point.x, point.x - box.high.x), 0.0f);
+    Lanes y = most(most(box.low.y - point.y, point.y - box.high.y), 0.0f);
+    Lanes z = most(most(box.low.z - point.z, point.z - box.high.z), 0.0f);
+    return x * x + y * y + z * z;
+}
+
+// Squares of the distances of a point from eight faces, by the regions of `closest_barycentrics`.
+UVC_INLINE Lanes outside(const Block &block, LaneVec point) {
+    LaneVec ap = point - block.a, bp = ap - block.ab, cp = ap - block.ac;
+    Lanes d1 = dot(block.ab, ap), d2 = dot(block.ac, ap), d3 = dot(block.ab, bp);
+    Lanes d4 = dot(block.ac, bp), d5 = dot(block.ab, cp), d6 = dot(block.ac, cp);
+    Lanes to_a = d3 * d6 - d5 * d4, to_b = d5 * d2 - d1 * d6, to_c = d1 * d4 - d3 * d2;
+    Lanes share = 1.0f / (to_a + to_b + to_c), v = to_b * share, w = to_c * share, none{};
+    Lanes one = none + 1.0f, d43 = d4 - d3, d56 = d5 - d6, along = d43 / (d43 + d56);
+    LaneMask is_on = (to_a <= 0.0f) & (d43 >= 0.0f) & (d56 >= 0.0f);
+    v = choose(is_on, one - along, v), w = choose(is_on, along, w);
+    is_on = (to_b <= 0.0f) & (d2 >= 0.0f) & (d6 <= 0.0f);
+    v = choose(is_on, none, v), w = choose(is_on, d2 / (d2 - d6), w);
+    is_on = (to_c <= 0.0f) & (d1 >= 0.0f) & (d3 <= 0.0f);
+    v = choose(is_on, d1 / (d1 - d3), v), w = choose(is_on, none, w);
+    is_on = (d6 >= 0.0f) & (d5 <= d6);
+    v = choose(is_on, none, v), w = choose(is_on, one, w);
+    is_on = (d3 >= 0.0f) & (d4 <= d3);
+    v = choose(is_on, one, v), w = choose(is_on, none, w);
+    is_on = (d1 <= 0.0f) & (d2 <= 0.0f);
+    v = choose(is_on, none, v), w = choose(is_on, none, w);
+    LaneVec away = ap - v * block.ab - w * block.ac;
+    return dot(away, away);
+}
+
+// The best face so far, and the square of its distance; `limit` is that of a box in which none is better,
+// with more than rounding to spare, so that the order in which boxes are visited changes nothing.
+struct Best {
+    int face;
+    float squared, limit;
+
+    Best(float reach) : face(-1), squared(reach * reach) { limit = spared(); }
+
+    float spared() const { return 1.001f * squared + 1e-9f; }
+
+    void look(const Sheet &sheet, const Lying &lying, int block, LaneVec point) {
+        Lanes squares = outside(lying.blocks.at(block), point);
+        for (int lane = 0; lane < LANES; lane++) {
+            float square = squares[lane];
+            if (!(square <= squared)) continue;
+            int other = sheet.order.at(LANES * block + lane);
+            if (square == squared && other >= face) continue;
+            face = other;
+            squared = square;
+            limit = spared();
+        }
+    }
+};
+
+// Sets a child's box among those of its node.
+void put(LaneBox &boxes, int lane, Vec low, Vec high) {
+    put(boxes.low, lane, low);
+    put(boxes.high, lane, high);
+}
+
+// Extremes of eight numbers.
+UVC_INLINE float lowest(Lanes a) {
+    float low = a[0];
+    for (int lane = 1; lane < LANES; lane++) low = least(low, a[lane]);
+    return low;
+}
+UVC_INLINE Vec lowest(LaneVec a) { return {lowest(a.x), lowest(a.y), lowest(a.z)}; }
+UVC_INLINE Vec highest(LaneVec a) { return {-lowest(-a.x), -lowest(-a.y), -lowest(-a.z)}; }
+
+}  // namespace
+
+Sheet make_sheet(const Vec *rest, Array<Face> faces, Arena &arena) {
+    Sheet sheet{};
+    if (!faces.size) return sheet;
+    sheet.faces = faces;
+    sheet.block_of = arena.take<int32_t>(faces.size);
+    sheet.blocks = (faces.size + LANES - 1) / LANES;
+    Arena work;
+    Array<Vec> centres = work.take<Vec>(faces.size);
+    sheet.order = arena.take<int32_t>(LANES * sheet.blocks);
+    for (int k = 0; k < faces.size; k++) {
+        centres[k] = rest[faces[k].a] + rest[faces[k].b] + rest[faces[k].c];
+        sheet.order[k] = k;
+    }
+    arrange(sheet.order.part(0, faces.size), centres);
+    for (int k = 0; k < faces.size; k++) sheet.block_of[sheet.order[k]] = k / LANES;
+    for (int k = faces.size; k < sheet.order.size; k++) sheet.order[k] = sheet.order[faces.size - 1];
+    // A seventh of the blocks, and up to one more on each level.
+    Array<Children> nodes = work.take<Children>(sheet.blocks / (LANES - 1) + DEPTH);
+    int count = 0, first = 0, last = sheet.blocks;
+    do {
+        int before = count;
+        for (int child = first; child < last; child += LANES)
+            nodes[count++] = {child, least(child + LANES, last)};
+        if (!sheet.over_blocks) sheet.over_blocks = count;
+        first = before;
+        last = count;
+    } while (last - first > 1);
+    sheet.nodes = arena.copy(nodes.data, count);
+    return sheet;
+}
+
+Lying make_lying(const Sheet &sheet, Arena &arena) {
+    Lying lying{arena.take<Block>(sheet.blocks), arena.take<LaneBox>(sheet.nodes.size)};
+    LaneBox none{spread({FAR, FAR, FAR}), spread({-FAR, -FAR, -FAR})};
+    for (LaneBox &boxes : lying.boxes) boxes = none;
+    return lying;
+}
+
+void fit(const Sheet &sheet, const Vec *points, Lying &lying) {
+    for (int k = 0; k < sheet.blocks; k++) {
+        LaneVec a{}, b{}, c{};
+        for (int lane = 0; lane < LANES; lane++) {
+            Face f = sheet.faces.at(sheet.order.at(LANES * k + lane));
+            put(a, lane, points[f.a]);
+            put(b, lane, points[f.b]);
+            put(c, lane, points[f.c]);
+        }
+        lying.blocks.at(k) = {a, b - a, c - a};
+        Vec low = lowest(a), high = highest(a);
+        LaneVec others[] = {b, c};
+        for (LaneVec corners : others) {
+            Vec other = lowest(corners), top = highest(corners);
+            low = {least(low.x, other.x), least(low.y, other.y), least(low.z, other.z)};
+            high = {most(high.x, top.x), most(high.y, top.y), most(high.z, top.z)};
+        }
+        put(lying.boxes.at(k / LANES), k % LANES, low, high);
+    }
+    for (int node = sheet.over_blocks; node < sheet.nodes.size; node++) {
+        Children children = sheet.nodes.at(node);
+        for (int child = children.first; child < children.last; child++) {
+            LaneBox boxes = lying.boxes.at(child);
+            put(lying.boxes.at(node), child - children.first, lowest(boxes.low), highest(boxes.high));
+        }
+    }
+}
+
+int closest_face(const Sheet &sheet, const Lying &lying, Vec point, float reach, int guess) {
+    Best best(reach);
+    if (!sheet.faces.size) return -1;
+    LaneVec from = spread(point);
+    if (guess >= 0) best.look(sheet, lying, sheet.block_of.at(guess), from);
+    int stack[DEPTH];
+    float distances[DEPTH];
+    int top = 1;
+    stack[0] = sheet.nodes.size - 1;
+    distances[0] = 0;
+    while (top > 0) {
+        if (distances[--top] > best.limit) continue;
+        int node = stack[top], first = sheet.nodes.at(node).first;
+        Lanes squares = outside(lying.boxes.at(node), from);
+        for (int lane = 0; lane < LANES; lane++) {
+            if (squares[lane] > best.limit) continue;
+            if (node < sheet.over_blocks) {
+                best.look(sheet, lying, first + lane, from);
+            } else {
+                stack[top] = first + lane;
+                distances[top++] = squares[lane];
+            }
+        }
+    }
+    return best.face;
+}
+
+}  // namespace uvc
