@@ -27,12 +27,12 @@ struct Clearing {
     Arena arena;
 };
 
-// What is remembered of the frame before: cloth (N) and body (C) m, search results, those of layers, and how
-// many frames there were.
+// What is remembered of the frame before: cloth (N) and body (C) m, search results, and how many frames there
+// were.
 struct ClearingMemory {
     Vec *cloth, *body;
     Searched searched;
-    int32_t *hints, *frame;
+    int32_t *frame;
 };
 
 // Reads what `read_collider` and `read_layers` do, and "cloth.rest" (N, 3) m, "cloth.faces" (M, 3), "cloth.thickness" (N),

@@ -16,9 +16,7 @@ ClearingMemory laid_out(const Clearing &clearing, void *memory) {
     int32_t *frame = static_cast<int32_t *>(memory), *faces = frame + 1;
     float *clear = reinterpret_cast<float *>(faces + rows);
     Vec *cloth = reinterpret_cast<Vec *>(clear + rows);
-    Vec *body = cloth + vertices;
-    int32_t *hints = reinterpret_cast<int32_t *>(body + clearing.collider.surface.vertices);
-    return {cloth, body, {faces, clear}, hints, frame};
+    return {cloth, cloth + vertices, {faces, clear}, frame};
 }
 
 }  // namespace
@@ -51,16 +49,13 @@ void uvc_free_clearing(uvc_clearing *clearing) {
 size_t uvc_clearing_memory(const uvc_clearing *clearing) {
     const uvc::Clearing &data = clearing->data;
     size_t vertices = (size_t)data.rest.size, rows = vertices * (size_t)data.collider.parts;
-    size_t points = vertices + (size_t)data.collider.surface.vertices;
-    return 4 + 8 * rows + sizeof(uvc::Vec) * points + 4 * (size_t)uvc::hints(data.layers);
+    return 4 + 8 * rows + sizeof(uvc::Vec) * (vertices + (size_t)data.collider.surface.vertices);
 }
 
 void uvc_begin_clearing(const uvc_clearing *clearing, void *memory) {
     memset(memory, 0, uvc_clearing_memory(clearing));
-    uvc::ClearingMemory views = uvc::laid_out(clearing->data, memory);
     int rows = clearing->data.collider.parts * clearing->data.rest.size;
-    for (int k = 0; k < rows; k++) views.searched.faces[k] = -1;
-    for (int k = 0; k < uvc::hints(clearing->data.layers); k++) views.hints[k] = -1;
+    for (int k = 0; k < rows; k++) uvc::laid_out(clearing->data, memory).searched.faces[k] = -1;
 }
 
 void uvc_clear(const uvc_clearing *clearing, void *memory, float *cloth, const float *collider,
@@ -75,15 +70,9 @@ void uvc_cover(const uvc_clearing *clearing, float *cloth, const float *skin) {
                     reinterpret_cast<const uvc::Vec *>(skin));
 }
 
-void uvc_lift(const uvc_clearing *clearing, void *memory, float *cloth, float clearance, int turns) {
-    uvc::ClearingMemory views = uvc::laid_out(clearing->data, memory);
-    uvc::lift(clearing->data.layers, clearing->data.rings, views.hints, reinterpret_cast<uvc::Vec *>(cloth),
-              clearance, turns);
-}
-
-void uvc_follow(const uvc_clearing *clearing, float *cloth, const float *moves) {
-    uvc::follow(clearing->data.rings, reinterpret_cast<uvc::Vec *>(cloth),
-                reinterpret_cast<const uvc::Vec *>(moves));
+void uvc_lift(const uvc_clearing *clearing, float *cloth, float clearance, int turns) {
+    uvc::lift(clearing->data.layers, clearing->data.rings, reinterpret_cast<uvc::Vec *>(cloth), clearance,
+              turns);
 }
 
 }  // extern "C"

@@ -54,21 +54,20 @@ Vec move_off(Face f, const Vec *cloth, const Vec *normals, Vec point, float clea
     return (clearance - distance) * normal;
 }
 
-void lift_off(const Layers &layers, int pair, const Lying &lying, const Vec *normals, int32_t *hints,
-              Vec *cloth, Vec *moves, float clearance) {
+// Moves the outer garment of a pair off the inner one, and adds its moves (N), where these are asked for.
+void lift_off(const Layers &layers, int pair, const Lying &lying, const Vec *normals, Vec *cloth, Vec *moves,
+              float clearance) {
     int outer = layers.outer[pair], inner = layers.inner[pair];
     const Sheet &sheet = layers.sheets[inner];
     const int32_t *parts = layers.parts.data + layers.face_starts[inner];
-    int first = layers.starts[outer];
-    for (int vertex = first; vertex < layers.starts[outer + 1]; vertex++) {
+    for (int vertex = layers.starts[outer]; vertex < layers.starts[outer + 1]; vertex++) {
         int touches = layers.touches.at(vertex);
         if (!(touches & layers.all_parts.at(inner))) continue;
-        int32_t &hint = hints[layers.hint_starts[pair] + vertex - first];
-        int face = hint = closest_face(sheet, lying, cloth[vertex], REACH, hint);
+        int face = closest_face(sheet, lying, cloth[vertex], REACH);
         if (face < 0 || !(touches & parts[face])) continue;
         Vec move = move_off(sheet.faces.at(face), cloth, normals, cloth[vertex], clearance);
         cloth[vertex] += move;
-        moves[vertex] += move;
+        if (moves) moves[vertex] += move;
     }
 }
 
@@ -103,23 +102,17 @@ Layers read_layers(const Sections &sections, Array<Vec> rest, Array<Face> faces,
         Array<Face> own = faces.part(layers.face_starts[garment], layers.face_starts[garment + 1]);
         layers.sheets[garment] = make_sheet(rest.data, own, arena);
     }
-    layers.hint_starts = arena.take<int32_t>(pairs + 1);
-    for (int pair = 0; pair < pairs; pair++) {
-        int outer = layers.outer[pair];
-        int vertices = layers.starts[outer + 1] - layers.starts[outer];
-        layers.hint_starts[pair + 1] = layers.hint_starts[pair] + vertices;
-    }
     return layers;
 }
 
-int hints(const Layers &layers) { return layers.hint_starts[layers.outer.size]; }
-
-void lift(const Layers &layers, const Rings &rings, int32_t *hints, Vec *cloth, float clearance, int turns) {
+void lift(const Layers &layers, const Rings &rings, Vec *cloth, float clearance, int turns) {
     Arena work;
     int garments = layers.starts.size - 1, vertices = layers.touches.size;
     if (!layers.outer.size) return;
     Array<Inner> inner = work.take<Inner>(garments);
-    Array<Vec> normals = work.take<Vec>(vertices), moves = work.take<Vec>(vertices);
+    Array<Vec> normals = work.take<Vec>(layers.starts[layers.outer[layers.outer.size - 1]]), moves;
+    // Of one turn nobody asks for the moves.
+    if (turns > 1) moves = work.take<Vec>(vertices);
     int first = 0, last = 0;
     for (int outer = 0; outer < garments; outer++, first = last) {
         while (last < layers.outer.size && layers.outer[last] == outer) last++;
@@ -132,8 +125,8 @@ void lift(const Layers &layers, const Rings &rings, int32_t *hints, Vec *cloth, 
         for (int turn = 0; turn < turns; turn++) {
             for (Vec &move : moves) move = {};
             for (int pair = first; pair < last; pair++)
-                lift_off(layers, pair, inner[layers.inner[pair]].lying, normals.data, hints, cloth,
-                         moves.data, clearance);
+                lift_off(layers, pair, inner[layers.inner[pair]].lying, normals.data, cloth, moves.data,
+                         clearance);
             if (turn < turns - 1) follow(rings, cloth, moves.data);
         }
     }

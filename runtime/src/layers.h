@@ -12,9 +12,8 @@ namespace uvc {
 // starts: (G + 1) first vertex of each garment; face_starts: (G + 1) its first face. touches: (N) a bit for
 // each part of the body that may touch a vertex; parts: (M) the bits of a face's corners together, all_parts:
 // (G) those of a garment. A sleeve touches sleeves, not the trousers that an arm is pressed into. sheets: (G).
-// hint_starts: (L + 1) first hint of each pair.
 struct Layers {
-    Array<int32_t> outer, inner, starts, face_starts, touches, parts, all_parts, hint_starts;
+    Array<int32_t> outer, inner, starts, face_starts, touches, parts, all_parts;
     Array<Sheet> sheets;
 };
 
@@ -23,11 +22,8 @@ struct Layers {
 Layers read_layers(const Sections &sections, Array<Vec> rest, Array<Face> faces, Arena &arena,
                    Failure &failure);
 
-// Number of hints: faces, -1 for none, that were found last. They save time and change nothing.
-int hints(const Layers &layers);
-
 // Moves vertices (N) m to `clearance`, m, off each garment beneath them that covers them, one outer garment
 // after another, in place. turns: times that each is moved; after all but the last one neighbours follow.
-void lift(const Layers &layers, const Rings &rings, int32_t *hints, Vec *cloth, float clearance, int turns);
+void lift(const Layers &layers, const Rings &rings, Vec *cloth, float clearance, int turns);
 
 }  // namespace uvc

@@ -104,8 +104,14 @@ UVC_INLINE float lowest(Lanes a) {
     for (int lane = 1; lane < LANES; lane++) low = least(low, a[lane]);
     return low;
 }
+UVC_INLINE int lowest_lane(Lanes a) {
+    int low = 0;
+    for (int lane = 1; lane < LANES; lane++) low = a[lane] < a[low] ? lane : low;
+    return low;
+}
+UVC_INLINE float highest(Lanes a) { return -lowest(-a); }
 UVC_INLINE Vec lowest(LaneVec a) { return {lowest(a.x), lowest(a.y), lowest(a.z)}; }
-UVC_INLINE Vec highest(LaneVec a) { return {-lowest(-a.x), -lowest(-a.y), -lowest(-a.z)}; }
+UVC_INLINE Vec highest(LaneVec a) { return {highest(a.x), highest(a.y), highest(a.z)}; }
 
 }  // namespace
 
@@ -113,7 +119,6 @@ Sheet make_sheet(const Vec *rest, Array<Face> faces, Arena &arena) {
     Sheet sheet{};
     if (!faces.size) return sheet;
     sheet.faces = faces;
-    sheet.block_of = arena.take<int32_t>(faces.size);
     sheet.blocks = (faces.size + LANES - 1) / LANES;
     Arena work;
     Array<Vec> centres = work.take<Vec>(faces.size);
@@ -123,7 +128,6 @@ Sheet make_sheet(const Vec *rest, Array<Face> faces, Arena &arena) {
         sheet.order[k] = k;
     }
     arrange(sheet.order.part(0, faces.size), centres);
-    for (int k = 0; k < faces.size; k++) sheet.block_of[sheet.order[k]] = k / LANES;
     for (int k = faces.size; k < sheet.order.size; k++) sheet.order[k] = sheet.order[faces.size - 1];
     // A seventh of the blocks, and up to one more on each level.
     Array<Children> nodes = work.take<Children>(sheet.blocks / (LANES - 1) + DEPTH);
@@ -149,22 +153,23 @@ Lying make_lying(const Sheet &sheet, Arena &arena) {
 
 void fit(const Sheet &sheet, const Vec *points, Lying &lying) {
     for (int k = 0; k < sheet.blocks; k++) {
-        LaneVec a{}, b{}, c{};
+        // Lanes are written as numbers in memory: putting them in one by one is slow.
+        float numbers[9][LANES];
         for (int lane = 0; lane < LANES; lane++) {
             Face f = sheet.faces.at(sheet.order.at(LANES * k + lane));
-            put(a, lane, points[f.a]);
-            put(b, lane, points[f.b]);
-            put(c, lane, points[f.c]);
+            Vec a = points[f.a], b = points[f.b], c = points[f.c];
+            const float row[] = {a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z};
+            for (int number = 0; number < 9; number++) numbers[number][lane] = row[number];
         }
+        LaneVec corners[3];
+        memcpy(corners, numbers, sizeof(numbers));
+        LaneVec a = corners[0], b = corners[1], c = corners[2];
         lying.blocks.at(k) = {a, b - a, c - a};
-        Vec low = lowest(a), high = highest(a);
-        LaneVec others[] = {b, c};
-        for (LaneVec corners : others) {
-            Vec other = lowest(corners), top = highest(corners);
-            low = {least(low.x, other.x), least(low.y, other.y), least(low.z, other.z)};
-            high = {most(high.x, top.x), most(high.y, top.y), most(high.z, top.z)};
-        }
-        put(lying.boxes.at(k / LANES), k % LANES, low, high);
+        put(lying.boxes.at(k / LANES), k % LANES,
+            {lowest(least(least(a.x, b.x), c.x)), lowest(least(least(a.y, b.y), c.y)),
+             lowest(least(least(a.z, b.z), c.z))},
+            {highest(most(most(a.x, b.x), c.x)), highest(most(most(a.y, b.y), c.y)),
+             highest(most(most(a.z, b.z), c.z))});
     }
     for (int node = sheet.over_blocks; node < sheet.nodes.size; node++) {
         Children children = sheet.nodes.at(node);
@@ -175,11 +180,10 @@ void fit(const Sheet &sheet, const Vec *points, Lying &lying) {
     }
 }
 
-int closest_face(const Sheet &sheet, const Lying &lying, Vec point, float reach, int guess) {
+int closest_face(const Sheet &sheet, const Lying &lying, Vec point, float reach) {
     Best best(reach);
     if (!sheet.faces.size) return -1;
     LaneVec from = spread(point);
-    if (guess >= 0) best.look(sheet, lying, sheet.block_of.at(guess), from);
     int stack[DEPTH];
     float distances[DEPTH];
     int top = 1;
@@ -189,14 +193,22 @@ int closest_face(const Sheet &sheet, const Lying &lying, Vec point, float reach,
         if (distances[--top] > best.limit) continue;
         int node = stack[top], first = sheet.nodes.at(node).first;
         Lanes squares = outside(lying.boxes.at(node), from);
-        for (int lane = 0; lane < LANES; lane++) {
-            if (squares[lane] > best.limit) continue;
-            if (node < sheet.over_blocks) {
-                best.look(sheet, lying, first + lane, from);
-            } else {
+        int nearest = lowest_lane(squares);
+        if (squares[nearest] > best.limit) continue;
+        // The nearest child is the next one: what is found in it rules most of the others out.
+        if (node < sheet.over_blocks) {
+            best.look(sheet, lying, first + nearest, from);
+            for (int lane = 0; lane < LANES; lane++)
+                if (squares[lane] <= best.limit && lane != nearest)
+                    best.look(sheet, lying, first + lane, from);
+        } else {
+            for (int lane = 0; lane < LANES; lane++) {
+                if (squares[lane] > best.limit || lane == nearest) continue;
                 stack[top] = first + lane;
                 distances[top++] = squares[lane];
             }
+            stack[top] = first + nearest;
+            distances[top++] = squares[nearest];
         }
     }
     return best.face;

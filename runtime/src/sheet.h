@@ -14,11 +14,11 @@ struct Children {
 // Faces in blocks of eight that lie together, the last of them filled up with its last face, under a tree of
 // nodes that each have up to eight children. Nothing here changes.
 //
-// order: the faces of the blocks; block_of: the block of each face. nodes: those over blocks come first, so
+// order: the faces of the blocks. nodes: those over blocks come first, so
 // many; the children of others are nodes before them, and the root is the last.
 struct Sheet {
     Array<Face> faces;
-    Array<int32_t> order, block_of;
+    Array<int32_t> order;
     Array<Children> nodes;
     int blocks, over_blocks;
 };
@@ -48,8 +48,8 @@ Lying make_lying(const Sheet &sheet, Arena &arena);
 
 void fit(const Sheet &sheet, const Vec *points, Lying &lying);
 
-// The face closest to a point within reach, m, of several the first; -1 if there is none. `guess`, a face or
-// -1, saves time and changes nothing.
-int closest_face(const Sheet &sheet, const Lying &lying, Vec point, float reach, int guess);
+// The face closest to a point within reach, m, of several the first; -1 if there is none. It starts from no
+// guess: the last answer costs about as much to look at as it saves.
+int closest_face(const Sheet &sheet, const Lying &lying, Vec point, float reach);
 
 }  // namespace uvc

@@ -146,7 +146,7 @@ class OutfitClearing:
         memory, cleared = self.fine.clear(before, near, body, CLEARANCE, effort.reach)
         skin = ((body_vertices.cpu().double().numpy() - origin) / self.size).astype(np.float32)
         self.fine.cover(cleared, skin)
-        self.fine.lift(memory, cleared, CLEARANCE, effort.lifts)
+        self.fine.lift(cleared, CLEARANCE, effort.lifts)
         placed = (self.size * torch.from_numpy(cleared).double() + torch.from_numpy(origin)).float()
         garments = placed.split([len(each.points) for each in self.meshes])
         return memory, tuple(

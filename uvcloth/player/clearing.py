@@ -77,12 +77,11 @@ class Clearing:
         points = np.ascontiguousarray(skin, np.float32)
         library().uvc_cover(self._handle, pointer(cloth), pointer(points))
 
-    def lift(self, memory: ClearingMemory, cloth: Floats, clearance: float, turns: int) -> None:
-        """Move outer garments to a clearance, m, off those beneath them, in place: cloth (N, 3) m.
+    def lift(self, cloth: Floats, clearance: float, turns: int) -> None:
+        """Move outer garments, of cloth (N, 3) m, to a clearance, m, off those beneath them, in place.
 
-        memory: of this frame; it learns what saves time in the next one. turns: times that each garment is
-        moved; after all but the last one neighbours follow.
+        turns: times that each garment is moved; after all but the last one its neighbours follow.
         """
         library().uvc_lift(
-            self._handle, pointer(memory.content), pointer(cloth), ctypes.c_float(clearance), ctypes.c_int(turns)
+            self._handle, pointer(cloth), ctypes.c_float(clearance), ctypes.c_int(turns)
         )
