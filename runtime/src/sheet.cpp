@@ -44,7 +44,8 @@ UVC_INLINE Lanes outside(const LaneBox &box, LaneVec point) {
     return x * x + y * y + z * z;
 }
 
-// Squares of the distances of a point from eight faces, by the regions of `closest_barycentrics`.
+// Squares of the distances of a point from eight faces, by the regions of `closest_barycentrics`; far from
+// those without an edge of some length.
 UVC_INLINE Lanes outside(const Block &block, LaneVec point) {
     LaneVec ap = point - block.a, bp = ap - block.ab, cp = ap - block.ac;
     Lanes d1 = dot(block.ab, ap), d2 = dot(block.ac, ap), d3 = dot(block.ab, bp);
@@ -65,7 +66,34 @@ UVC_INLINE Lanes outside(const Block &block, LaneVec point) {
     is_on = (d1 <= 0.0f) & (d2 <= 0.0f);
     v = choose(is_on, none, v), w = choose(is_on, none, w);
     LaneVec away = ap - v * block.ab - w * block.ac;
-    return dot(away, away);
+    Lanes squares = dot(away, away);
+    return choose(squares >= 0.0f, squares, none + FAR);
+}
+
+// Extremes of eight numbers.
+UVC_INLINE float lowest(Lanes a) {
+    a = least(a, __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3));
+    a = least(a, __builtin_shufflevector(a, a, 2, 3, 0, 1, 6, 7, 4, 5));
+    return least(a[0], a[1]);
+}
+UVC_INLINE float highest(Lanes a) { return -lowest(-a); }
+UVC_INLINE Vec lowest(LaneVec a) { return {lowest(a.x), lowest(a.y), lowest(a.z)}; }
+UVC_INLINE Vec highest(LaneVec a) { return {highest(a.x), highest(a.y), highest(a.z)}; }
+
+// A bit for each lane.
+UVC_INLINE unsigned bits(LaneMask mask) {
+    mask &= LaneMask{1, 2, 4, 8, 16, 32, 64, 128};
+    uint64_t pairs[4];
+    __builtin_memcpy(pairs, &mask, sizeof(pairs));
+    uint64_t all = pairs[0] | pairs[1] | pairs[2] | pairs[3];
+    return (unsigned)(all | all >> 32) & 255u;
+}
+
+// Takes the lowest of bits.
+UVC_INLINE int take(unsigned &bits) {
+    int lane = __builtin_ctz(bits);
+    bits &= bits - 1;
+    return lane;
 }
 
 // The best face so far, and the square of its distance; `limit` is that of a box in which none is better,
@@ -80,15 +108,13 @@ struct Best {
 
     void look(const Sheet &sheet, const Lying &lying, int block, LaneVec point) {
         Lanes squares = outside(lying.blocks.at(block), point);
-        for (int lane = 0; lane < LANES; lane++) {
-            float square = squares[lane];
-            if (!(square <= squared)) continue;
-            int other = sheet.order.at(LANES * block + lane);
-            if (square == squared && other >= face) continue;
-            face = other;
-            squared = square;
-            limit = spared();
-        }
+        float low = lowest(squares);
+        if (!(low <= squared)) return;
+        if (low < squared) face = sheet.faces.size;
+        for (unsigned lanes = bits(squares == low); lanes;)
+            face = least(face, sheet.order.at(LANES * block + take(lanes)));
+        squared = low;
+        limit = spared();
     }
 };
 
@@ -97,21 +123,6 @@ void put(LaneBox &boxes, int lane, Vec low, Vec high) {
     put(boxes.low, lane, low);
     put(boxes.high, lane, high);
 }
-
-// Extremes of eight numbers.
-UVC_INLINE float lowest(Lanes a) {
-    float low = a[0];
-    for (int lane = 1; lane < LANES; lane++) low = least(low, a[lane]);
-    return low;
-}
-UVC_INLINE int lowest_lane(Lanes a) {
-    int low = 0;
-    for (int lane = 1; lane < LANES; lane++) low = a[lane] < a[low] ? lane : low;
-    return low;
-}
-UVC_INLINE float highest(Lanes a) { return -lowest(-a); }
-UVC_INLINE Vec lowest(LaneVec a) { return {lowest(a.x), lowest(a.y), lowest(a.z)}; }
-UVC_INLINE Vec highest(LaneVec a) { return {highest(a.x), highest(a.y), highest(a.z)}; }
 
 }  // namespace
 
@@ -193,22 +204,25 @@ int closest_face(const Sheet &sheet, const Lying &lying, Vec point, float reach)
         if (distances[--top] > best.limit) continue;
         int node = stack[top], first = sheet.nodes.at(node).first;
         Lanes squares = outside(lying.boxes.at(node), from);
-        int nearest = lowest_lane(squares);
-        if (squares[nearest] > best.limit) continue;
+        unsigned lanes = bits(squares <= best.limit);
+        if (!lanes) continue;
         // The nearest child is the next one: what is found in it rules most of the others out.
+        unsigned nearest = bits(squares == lowest(squares));
+        lanes &= ~nearest;
         if (node < sheet.over_blocks) {
-            best.look(sheet, lying, first + nearest, from);
-            for (int lane = 0; lane < LANES; lane++)
-                if (squares[lane] <= best.limit && lane != nearest)
-                    best.look(sheet, lying, first + lane, from);
-        } else {
-            for (int lane = 0; lane < LANES; lane++) {
-                if (squares[lane] > best.limit || lane == nearest) continue;
-                stack[top] = first + lane;
-                distances[top++] = squares[lane];
+            while (nearest) best.look(sheet, lying, first + take(nearest), from);
+            for (lanes &= bits(squares <= best.limit); lanes;) {
+                int lane = take(lanes);
+                if (squares[lane] <= best.limit) best.look(sheet, lying, first + lane, from);
             }
-            stack[top] = first + nearest;
-            distances[top++] = squares[nearest];
+        } else {
+            unsigned both[] = {lanes, nearest};
+            for (unsigned every : both)
+                while (every) {
+                    int lane = take(every);
+                    stack[top] = first + lane;
+                    distances[top++] = squares[lane];
+                }
         }
     }
     return best.face;

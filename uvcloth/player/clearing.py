@@ -82,6 +82,4 @@ class Clearing:
 
         turns: times that each garment is moved; after all but the last one its neighbours follow.
         """
-        library().uvc_lift(
-            self._handle, pointer(cloth), ctypes.c_float(clearance), ctypes.c_int(turns)
-        )
+        library().uvc_lift(self._handle, pointer(cloth), ctypes.c_float(clearance), ctypes.c_int(turns))
