@@ -35,9 +35,9 @@ struct ClearingMemory {
     int32_t *frame;
 };
 
-// Reads what `read_collider` and `read_layers` do, and "cloth.rest" (N, 3) m, "cloth.faces" (M, 3), "cloth.thickness" (N),
-// "skin.rest" (V, 3) m, "skin.faces" (F, 3), and of the covered points "covered.corners" (P, 3),
-// "covered.weights" (P, 3).
+// Reads what `read_collider` and `read_layers` do, and "cloth.rest" (N, 3) m, "cloth.faces" (M, 3),
+// "cloth.thickness" (N), "skin.rest" (V, 3) m, "skin.faces" (F, 3), and of the covered points
+// "covered.corners" (P, 3), "covered.weights" (P, 3).
 void read_clearing(const Sections &sections, Clearing &clearing, Failure &failure);
 
 // Moves vertices (N) m to at least `clearance`, m, off the body at points (C) m, in place; skin deeper than

@@ -11,7 +11,7 @@ namespace uvc {
 //
 // starts: (G + 1) first vertex of each garment; face_starts: (G + 1) its first face. touches: (N) a bit for
 // each part of the body that may touch a vertex; parts: (M) the bits of a face's corners together, all_parts:
-// (G) those of a garment. A sleeve touches sleeves, not the trousers that an arm is pressed into. sheets: (G).
+// (G) those of a garment. A sleeve touches sleeves, not the trousers that an arm is pressed into.
 struct Layers {
     Array<int32_t> outer, inner, starts, face_starts, touches, parts, all_parts;
     Array<Sheet> sheets;

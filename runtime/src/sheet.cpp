@@ -9,8 +9,8 @@ constexpr int DEPTH = 64;
 // Metres: no box is there.
 constexpr float FAR = 1e9f;
 
-// Orders faces so that every run of eight, and of eight such runs, lies together: runs of the longest kind are
-// halved at a middle one, along the widest axis.
+// Orders faces so that every run of eight, and of eight such runs, lies together. The runs of the longest kind
+// are halved at a middle one, along the widest axis.
 void arrange(Array<int32_t> order, Array<Vec> centres) {
     if (order.size <= LANES) return;
     int run = LANES;

@@ -156,7 +156,7 @@ def test_a_garment_stays_where_no_layer_lifts_it(
 
 def test_points_beside_the_hem_of_a_layer_stay(ball: tuple[Floats, NDArray]) -> None:
     clearing, points = Clearing.of(_sections(ball, (1, 1))), _grid(41, 0.4)[0]
-    beside = points + np.float32([0.01, 0.0, -0.005])
+    beside = points + np.array([0.01, 0.0, -0.005], np.float32)
     cloth = np.concatenate([points, beside])
     clearing.lift(cloth, CLEARANCE, 1)
     lifted = cloth[1681:, 2].reshape(41, 41)
