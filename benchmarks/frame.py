@@ -50,7 +50,7 @@ STAGES = {
     "solver": "uvcloth.methods.physics.outfit:step",
     "clearing off the body": "uvcloth.player.clearing:Clearing.clear",
     "covering of skin": "uvcloth.player.clearing:Clearing.cover",
-    "clearing off layers": "uvcloth.physics.outfit_clearing:_lift",
+    "clearing off layers": "uvcloth.player.clearing:Clearing.lift",
     "network": "uvcloth.methods.physxnet.network:GarmentNet.forward",
 }
 """Stages and their functions; all else is in the row of that name."""

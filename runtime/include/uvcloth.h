@@ -49,8 +49,9 @@ UVC_API void uvc_clear(const uvc_clearing *clearing, void *memory, float *cloth,
 /* Moves cloth (N) over the skin (V) that it covers at rest and that comes through its faces, in place. */
 UVC_API void uvc_cover(const uvc_clearing *clearing, float *cloth, const float *skin);
 
-/* Lets vertices of cloth (N) that did not move follow the moves (N) of their neighbours, in place. */
-UVC_API void uvc_follow(const uvc_clearing *clearing, float *cloth, const float *moves);
+/* Moves outer garments of cloth (N) to `clearance` off those beneath them, one after another, in place.
+ * turns: times that each is moved; after all but the last one neighbours follow. */
+UVC_API void uvc_lift(const uvc_clearing *clearing, float *cloth, float clearance, int turns);
 
 /* --- The solver: cloth moves through a frame ------------------------------------------------------------- */
 

@@ -72,6 +72,8 @@ void read_clearing(const Sections &sections, Clearing &clearing, Failure &failur
         failure.say("section cloth.touches of the outfit has not a row for each vertex");
     if (failure.failed) return;
     Array<Face> triangles{reinterpret_cast<Face *>(faces.data), faces.size / 3};
+    clearing.layers = read_layers(sections, clearing.rest, triangles, arena, failure);
+    if (failure.failed) return;
     Array<Face> skin_triangles{reinterpret_cast<Face *>(skin_faces.data), skin_faces.size / 3};
     int32_t all[2] = {0, triangles.size}, all_skin[2] = {0, skin_triangles.size};
     Vec *skin_rest = reinterpret_cast<Vec *>(skin.data);

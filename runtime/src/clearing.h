@@ -3,6 +3,7 @@
 #pragma once
 
 #include "collider.h"
+#include "layers.h"
 
 namespace uvc {
 
@@ -14,7 +15,7 @@ struct Covered {
 };
 
 // Fine meshes of an outfit. thickness: (N) m of other cloth between a vertex and the body. cloth, skin: the
-// surfaces that rays meet. rest: (N) m.
+// surfaces that rays meet. rest: (N) m. layers: garments over each other.
 struct Clearing {
     Collider collider;
     Rings rings;
@@ -22,6 +23,7 @@ struct Clearing {
     Array<Vec> rest;
     Surface cloth, skin;
     Covered covered;
+    Layers layers;
     Arena arena;
 };
 
@@ -33,9 +35,9 @@ struct ClearingMemory {
     int32_t *frame;
 };
 
-// Reads what `read_collider` does, and "cloth.rest" (N, 3) m, "cloth.faces" (M, 3), "cloth.thickness" (N),
-// "skin.rest" (V, 3) m, "skin.faces" (F, 3), and of the covered points "covered.corners" (P, 3),
-// "covered.weights" (P, 3).
+// Reads what `read_collider` and `read_layers` do, and "cloth.rest" (N, 3) m, "cloth.faces" (M, 3),
+// "cloth.thickness" (N), "skin.rest" (V, 3) m, "skin.faces" (F, 3), and of the covered points
+// "covered.corners" (P, 3), "covered.weights" (P, 3).
 void read_clearing(const Sections &sections, Clearing &clearing, Failure &failure);
 
 // Moves vertices (N) m to at least `clearance`, m, off the body at points (C) m, in place; skin deeper than

@@ -70,9 +70,9 @@ void uvc_cover(const uvc_clearing *clearing, float *cloth, const float *skin) {
                     reinterpret_cast<const uvc::Vec *>(skin));
 }
 
-void uvc_follow(const uvc_clearing *clearing, float *cloth, const float *moves) {
-    uvc::follow(clearing->data.rings, reinterpret_cast<uvc::Vec *>(cloth),
-                reinterpret_cast<const uvc::Vec *>(moves));
+void uvc_lift(const uvc_clearing *clearing, float *cloth, float clearance, int turns) {
+    uvc::lift(clearing->data.layers, clearing->data.rings, reinterpret_cast<uvc::Vec *>(cloth), clearance,
+              turns);
 }
 
 }  // extern "C"

@@ -1,6 +1,6 @@
 """Clearing of a whole outfit: garments are moved off the skin and off the garments beneath them."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,6 @@ from uvcloth.physics.cloth.body import Body as SolidBody
 from uvcloth.physics.cloth.body import make_body
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.layer_thickness import outfit_thickness
-from uvcloth.physics.layers import InnerLayer, Layer, inner_layer
 from uvcloth.physics.layers_between import kept_apart
 from uvcloth.player.clearing import Clearing, ClearingMemory
 
@@ -55,7 +54,6 @@ class OutfitClearing:
     garments, welded. closed: the body as closed parts. opening: moves these apart to give cloth room. used:
     (C,) the collider's vertices of the parts that cloth may touch. fine: of all garments, of an adult's size;
     cages_solid: the same collider for the cages. apart: (G, G) bool, pairs of garments that never meet.
-    layers: of each garment those beneath it that it may meet, by their places among the garments.
     """
 
     size: float
@@ -66,7 +64,6 @@ class OutfitClearing:
     fine: Clearing
     cages_solid: SolidBody
     apart: Tensor
-    layers: tuple[dict[int, InnerLayer], ...]
 
     @classmethod
     def of(cls, body: Body, meshes: Sequence[Mesh], cages: JoinedMesh | None = None) -> "OutfitClearing":
@@ -86,6 +83,8 @@ class OutfitClearing:
         touches, cages_touch = every.tensor_split([len(joined.vertices)], dim=1)
         used, faces = compact([part for part, is_met in zip(closed.parts, met, strict=True) if is_met])
         thickness, apart = outfit_thickness([points for points, _ in sized], sized), kept_apart(sized)
+        # Pairs by their outer garment, each with those beneath it that it may meet.
+        outer, inner = np.nonzero(np.tril(~apart.numpy().T, -1))
         at_rest = closed.vertices(rest)[used].numpy()
         unsized = join_meshes((each.points, each.faces) for each in garments)
         covered = Exposure(body, [unsized], COVERED_POINTS).covered
@@ -99,6 +98,10 @@ class OutfitClearing:
             "cloth.thickness": thickness.numpy(),
             "skin.rest": rest.numpy(),
             "skin.faces": body.mesh.faces.numpy(),
+            "garments.starts": np.array([*joined.starts, len(joined.vertices)]),
+            "layers.outer": outer,
+            "layers.inner": inner,
+            "layers.touches": touch_bits(touches).numpy(),
             "covered.corners": covered.corners.numpy(),
             "covered.weights": covered.barycentrics.numpy(),
         }
@@ -111,7 +114,6 @@ class OutfitClearing:
             Clearing.of(sections),
             make_body(at_rest, faces, cages_touch[met].numpy(), closed.crossed(cages_touch)[met].numpy()),
             apart,
-            tuple(_layers(sized, touch_bits(touches), apart)),
         )
 
     def collider(self, body_vertices: Tensor) -> NDArray[np.float32]:
@@ -143,18 +145,9 @@ class OutfitClearing:
         memory, cleared = self.fine.clear(before, near, body, CLEARANCE, effort.reach)
         skin = ((body_vertices.cpu().double().numpy() - origin) / self.size).astype(np.float32)
         self.fine.cover(cleared, skin)
-        lifted = torch.from_numpy(cleared)
-        sizes = [len(each.points) for each in self.meshes]
-        for outer, layers in enumerate(self.layers):
-            parts = lifted.split(sizes)
-            for inner, beneath in layers.items():
-                beneath.layer.update(parts[inner])
-            for turn in range(effort.lifts if layers else 0):
-                moves = torch.zeros_like(lifted)
-                _lift(parts[outer], layers.values(), moves.split(sizes)[outer])
-                if turn < effort.lifts - 1:
-                    self.fine.follow(cleared, moves.numpy())
-        garments = (self.size * lifted.double() + torch.from_numpy(origin)).float().split(sizes)
+        self.fine.lift(cleared, CLEARANCE, effort.lifts)
+        placed = (self.size * torch.from_numpy(cleared).double() + torch.from_numpy(origin)).float()
+        garments = placed.split([len(each.points) for each in self.meshes])
         return memory, tuple(
             vertices[mesh.places] for vertices, mesh in zip(garments, self.meshes, strict=True)
         )
@@ -167,28 +160,3 @@ class OutfitClearing:
         collider = self.collider(body_vertices)
         _, finished = self.clear(points, collider, body_vertices, self.start(), PREDICTED)
         return tuple(after.to(raw.device) for after, raw in zip(finished, garments, strict=True))
-
-
-def _layers(
-    garments: Sequence[tuple[Tensor, Tensor]], touches: Tensor, apart: Tensor
-) -> Iterator[dict[int, InnerLayer]]:
-    """Of each garment, points (U, 3) m and faces, the contacts with those beneath it that it may meet.
-
-    touches: (N,) bits of all points. apart: (G, G) pairs that never meet.
-    """
-    bits = touches.split([len(points) for points, _ in garments])
-    for outer in range(len(garments)):
-        yield {
-            inner: inner_layer(Layer(*garments[inner]), bits[outer], bits[inner])
-            for inner in range(outer)
-            if not apart[inner, outer]
-        }
-
-
-def _lift(vertices: Tensor, layers: Iterable[InnerLayer], moves: Tensor) -> None:
-    """Move points (U, 3) m to CLEARANCE off the layers beneath them, and add their moves (U, 3), in place."""
-    for beneath in layers:
-        rows, distance, normals = beneath.find(vertices)
-        way = (CLEARANCE - distance).clamp(min=0.0)[:, None] * normals
-        vertices[rows] += way
-        moves[rows] += way

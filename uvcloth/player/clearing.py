@@ -77,6 +77,9 @@ class Clearing:
         points = np.ascontiguousarray(skin, np.float32)
         library().uvc_cover(self._handle, pointer(cloth), pointer(points))
 
-    def follow(self, cloth: Floats, moves: Floats) -> None:
-        """Let vertices (N, 3) m that did not move follow their neighbours' moves (N, 3) m, in place."""
-        library().uvc_follow(self._handle, pointer(cloth), pointer(moves))
+    def lift(self, cloth: Floats, clearance: float, turns: int) -> None:
+        """Move outer garments, of cloth (N, 3) m, to a clearance, m, off those beneath them, in place.
+
+        turns: times that each garment is moved; after all but the last one its neighbours follow.
+        """
+        library().uvc_lift(self._handle, pointer(cloth), ctypes.c_float(clearance), ctypes.c_int(turns))

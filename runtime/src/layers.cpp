@@ -1,0 +1,135 @@
+#include "layers.h"
+
+#include "clearing.h"
+
+namespace uvc {
+
+namespace {
+
+// Metres within which an inner garment is looked for.
+constexpr float REACH = 0.03f;
+
+// Least cosine between its normal and the way to a point that it covers: beside its hem it does not.
+constexpr float COVERING = 0.7f;
+
+// First face of each garment; empty where one has corners of two, or comes too late.
+Array<int32_t> first_faces(Array<int32_t> starts, Array<Face> faces, Arena &arena) {
+    Array<int32_t> firsts = arena.take<int32_t>(starts.size);
+    int face = 0;
+    for (int garment = 0; garment + 1 < starts.size; garment++) {
+        auto has = [&](int vertex) { return vertex >= starts[garment] && vertex < starts[garment + 1]; };
+        firsts[garment] = face;
+        while (face < faces.size && has(faces[face].a) && has(faces[face].b) && has(faces[face].c)) face++;
+    }
+    firsts[starts.size - 1] = face;
+    return face == faces.size ? firsts : Array<int32_t>{};
+}
+
+// An inner garment where it lies now, and its normals at vertices (N), of unit length.
+struct Inner {
+    bool is_fitted;
+    Lying lying;
+};
+
+void fit_inner(const Layers &layers, int garment, const Vec *cloth, Inner &inner, Vec *normals,
+               Arena &work) {
+    if (inner.is_fitted) return;
+    const Sheet &sheet = layers.sheets[garment];
+    inner = {true, make_lying(sheet, work)};
+    fit(sheet, cloth, inner.lying);
+    for (Face f : sheet.faces) {
+        Vec normal = cross(cloth[f.b] - cloth[f.a], cloth[f.c] - cloth[f.a]);
+        for (int corner = 0; corner < 3; corner++) normals[f[corner]] += normal;
+    }
+    for (int k = layers.starts[garment]; k < layers.starts[garment + 1]; k++) normals[k] = unit(normals[k]);
+}
+
+// The move of a point off a face that is closest to it.
+Vec move_off(Face f, const Vec *cloth, const Vec *normals, Vec point, float clearance) {
+    Vec weights = closest_barycentrics(point, cloth[f.a], cloth[f.b], cloth[f.c]);
+    Vec away = point - weighted(weights, cloth[f.a], cloth[f.b], cloth[f.c]);
+    Vec normal = unit(weighted(weights, normals[f.a], normals[f.b], normals[f.c]));
+    float distance = dot(away, normal);
+    if (distance >= clearance || absolute(distance) < COVERING * length(away)) return {};
+    return (clearance - distance) * normal;
+}
+
+// Moves the outer garment of a pair off the inner one, and adds its moves (N), where these are asked for.
+void lift_off(const Layers &layers, int pair, const Lying &lying, const Vec *normals, Vec *cloth, Vec *moves,
+              float clearance) {
+    int outer = layers.outer[pair], inner = layers.inner[pair];
+    const Sheet &sheet = layers.sheets[inner];
+    const int32_t *parts = layers.parts.data + layers.face_starts[inner];
+    for (int vertex = layers.starts[outer]; vertex < layers.starts[outer + 1]; vertex++) {
+        int touches = layers.touches.at(vertex);
+        if (!(touches & layers.all_parts.at(inner))) continue;
+        int face = closest_face(sheet, lying, cloth[vertex], REACH);
+        if (face < 0 || !(touches & parts[face])) continue;
+        Vec move = move_off(sheet.faces.at(face), cloth, normals, cloth[vertex], clearance);
+        cloth[vertex] += move;
+        if (moves) moves[vertex] += move;
+    }
+}
+
+}  // namespace
+
+Layers read_layers(const Sections &sections, Array<Vec> rest, Array<Face> faces, Arena &arena,
+                   Failure &failure) {
+    Layers layers{};
+    layers.starts = read_integers(sections, "garments.starts", -1, 1, arena, failure);
+    int garments = most(layers.starts.size - 1, 0);
+    layers.starts = read_starts(sections, "garments.starts", garments, rest.size, arena, failure);
+    layers.outer = read_indices(sections, "layers.outer", -1, 1, 0, garments, arena, failure);
+    int pairs = layers.outer.size;
+    layers.inner = read_indices(sections, "layers.inner", pairs, 1, 0, garments, arena, failure);
+    layers.touches = read_integers(sections, "layers.touches", rest.size, 1, arena, failure);
+    if (failure.failed) return {};
+    for (int pair = 0; pair < pairs; pair++)
+        if (layers.inner[pair] >= layers.outer[pair] || (pair && layers.outer[pair] < layers.outer[pair - 1]))
+            failure.say("pair %d of section layers.outer of the outfit is not in order", pair);
+    layers.face_starts = first_faces(layers.starts, faces, arena);
+    if (!layers.face_starts.size) failure.say("section cloth.faces of the outfit mixes garments");
+    if (failure.failed) return {};
+    layers.parts = arena.take<int32_t>(faces.size);
+    layers.all_parts = arena.take<int32_t>(garments);
+    layers.sheets = arena.take<Sheet>(garments);
+    for (int garment = 0; garment < garments; garment++) {
+        for (int face = layers.face_starts[garment]; face < layers.face_starts[garment + 1]; face++) {
+            for (int corner = 0; corner < 3; corner++)
+                layers.parts[face] |= layers.touches[faces[face][corner]];
+            layers.all_parts[garment] |= layers.parts[face];
+        }
+        Array<Face> own = faces.part(layers.face_starts[garment], layers.face_starts[garment + 1]);
+        layers.sheets[garment] = make_sheet(rest.data, own, arena);
+    }
+    return layers;
+}
+
+void lift(const Layers &layers, const Rings &rings, Vec *cloth, float clearance, int turns) {
+    Arena work;
+    int garments = layers.starts.size - 1, vertices = layers.touches.size;
+    if (!layers.outer.size) return;
+    Array<Inner> inner = work.take<Inner>(garments);
+    Array<Vec> normals = work.take<Vec>(layers.starts[layers.outer[layers.outer.size - 1]]), moves;
+    // Of one turn nobody asks for the moves.
+    if (turns > 1) moves = work.take<Vec>(vertices);
+    int first = 0, last = 0;
+    for (int outer = 0; outer < garments; outer++, first = last) {
+        while (last < layers.outer.size && layers.outer[last] == outer) last++;
+        if (first == last) continue;
+        // The inner garments are where their own lifting left them, and stay there.
+        for (int pair = first; pair < last; pair++) {
+            int garment = layers.inner[pair];
+            fit_inner(layers, garment, cloth, inner[garment], normals.data, work);
+        }
+        for (int turn = 0; turn < turns; turn++) {
+            for (Vec &move : moves) move = {};
+            for (int pair = first; pair < last; pair++)
+                lift_off(layers, pair, inner[layers.inner[pair]].lying, normals.data, cloth, moves.data,
+                         clearance);
+            if (turn < turns - 1) follow(rings, cloth, moves.data);
+        }
+    }
+}
+
+}  // namespace uvc

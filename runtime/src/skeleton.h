@@ -1,0 +1,58 @@
+// Skeletons: the way of a body from its rest pose to another one, and the place in the world where it is.
+#pragma once
+
+#include "sections.h"
+
+namespace uvc {
+
+// Rotation, row by row.
+struct Turn {
+    double at[3][3];
+};
+
+// Takes points at rest to where a joint takes them: a turn, then a shift, m.
+struct Rigid {
+    Turn turn;
+    Vec64 shift;
+};
+
+// parents: of each joint, before it; -1 for the root, which is the first. heads: of joints at rest, m.
+struct Skeleton {
+    Array<int32_t> parents;
+    Array<Vec64> heads;
+};
+
+// Reads "skeleton.parents" (J) and "skeleton.heads" (J, 3) m.
+Skeleton read_skeleton(const Sections &sections, Arena &arena, Failure &failure);
+
+// A pose to go to: axes times angles, radians, of the joints (J) relative to their parents', the root's
+// relative to its heading, and where the root is, m.
+struct Pose {
+    Array<Vec64> turns;
+    Turn heading;
+    Vec64 root;
+};
+
+// A pose of transforms (J) from rest.
+Pose read_pose(const Skeleton &skeleton, const Rigid *transforms, Arena &arena);
+
+// Transforms (J) from rest at a share of the way from the rest pose to a pose, from 0 to 1, which starts and
+// ends slowly. The root keeps its place, and turns from its heading.
+void way_to(const Skeleton &skeleton, const Pose &pose, double share, Rigid *transforms);
+
+// A place on the ground: turned about the vertical by an angle of that cosine and sine, around an origin, m.
+struct Place {
+    double cosine, sine;
+    Vec64 origin;
+};
+
+// The place of a root, whose head is at rest at `head`, m, moved by its transform.
+Place place_of(const Rigid &root, Vec64 head);
+
+// Brings transforms (J) into the frame of a place, in place, rounded: turned or shifted scenes get the same.
+void bring_in(const Place &place, Rigid *transforms, int joints);
+
+// Brings points (N) m in the frame of a place back.
+void bring_back(const Place &place, Vec64 *points, int count);
+
+}  // namespace uvc
