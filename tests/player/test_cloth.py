@@ -26,7 +26,7 @@ def test_cloth_that_does_not_fit_together_is_refused_with_a_sentence() -> None:
         ("particles.mass", np.zeros(16), "vertex 0 of the outfit has no mass"),
         ("hinges.corners", np.full_like(whole["hinges.corners"], 99), "has the index 99"),
         ("membrane.area", whole["membrane.area"][1:], "has 17 rows, 18 were expected"),
-        ("cloth.touches", np.zeros(15, int), "cloth.touches of the outfit has not a row for each vertex"),
+        ("cloth.crossed", np.zeros(15, int), "crossed of the outfit has 15 rows, 16 were expected"),
     ):
         with pytest.raises(ValueError, match=said):
             ClothSolver.of({**whole, name: wrong})
