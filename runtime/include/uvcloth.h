@@ -25,6 +25,41 @@ extern "C" {
 /* Whether this processor runs code for x86-64-v3 (AVX2, FMA, BMI2). */
 UVC_API int uvc_has_v3(void);
 
+/* --- A character in a baked outfit: joints in, vertices out, a frame at a time ---------------------------- */
+
+/* An outfit as it was baked for one body. Immutable: any number of characters and threads may use it. */
+typedef struct uvc_outfit uvc_outfit;
+
+/* Reads an outfit. Returns NULL and a sentence of at most `room` bytes, with its zero, in `message` if the
+ * bytes are cut, damaged, of another version, or do not fit together. */
+UVC_API uvc_outfit *uvc_read(const void *bytes, size_t size, char *message, size_t room);
+UVC_API void uvc_free(uvc_outfit *outfit);
+
+/* Number of joints J, of garments, the innermost first, and of a garment's vertices. */
+UVC_API int uvc_joints(const uvc_outfit *outfit);
+UVC_API int uvc_garments(const uvc_outfit *outfit);
+UVC_API int uvc_garment_vertices(const uvc_outfit *outfit, int garment);
+
+/* The cloth of one character that wears the outfit, which has to outlive it. One thread at a time. */
+typedef struct uvc_cloth uvc_cloth;
+UVC_API uvc_cloth *uvc_new(const uvc_outfit *outfit);
+UVC_API void uvc_drop(uvc_cloth *cloth);
+
+/* Lets cloth come to rest on the body in its first pose. joints: (J, 3, 4), row by row, the transforms of the
+ * joints from the rest pose: a turn, without scale, and a shift in metres, in any place of the world. Takes as
+ * long as 65 steps. Returns 1, or 0 and a sentence, as uvc_read does, for joints that are not finite and cloth
+ * that finds no rest. */
+UVC_API int uvc_start(uvc_cloth *cloth, const double *joints, char *message, size_t room);
+
+/* Moves cloth on to the pose of joints, `seconds` later. The first step after uvc_start is to the pose of the
+ * first frame. Returns 1, or 0 and a sentence for joints that are not finite, a body that is faster than
+ * 40 m/s past the cloth (start again after a cut), a frame without length, and cloth that flies apart; the
+ * cloth stays as it was then. */
+UVC_API int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, char *message, size_t room);
+
+/* Copies the vertices of a garment (V, 3), m, in the world of the joints. */
+UVC_API void uvc_vertices(const uvc_cloth *cloth, int garment, double *vertices);
+
 /* --- Clearing: garments that lie in the skin by some millimetres are moved off it ----------------------- */
 
 /* Fine meshes of an outfit and the body that they are kept off. Immutable: any number of threads may use it. */
@@ -97,8 +132,8 @@ typedef struct uvc_motion {
 /* Moves positions and velocities (N), m/s, through a frame. faces (K, N), clear (K, N): search results for
  * each of K parts of the body, -1 and 0 before the first frame. Returns 0 for cloth that has flown apart: a
  * vertex is not finite, or faster than 200 m/s; its results are of no use then, and more substeps may help. */
-UVC_API int uvc_step(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
-                     int32_t *faces, float *clear, uvc_pairs *pairs);
+UVC_API int uvc_solve(const uvc_solver *solver, const uvc_motion *motion, float *positions,
+                      float *velocities, int32_t *faces, float *clear, uvc_pairs *pairs);
 
 /* Faces and hinges of cloth alone, of so many vertices: for the longest stable step. */
 typedef struct uvc_elastic uvc_elastic;

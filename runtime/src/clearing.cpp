@@ -55,21 +55,40 @@ void raise_over_curves(const Clearing &clearing, Array<Near> near, const Vec *cl
 
 }  // namespace
 
+size_t memory_size(const Clearing &clearing) {
+    size_t vertices = (size_t)clearing.rest.size, rows = vertices * (size_t)clearing.collider.parts;
+    return 4 + 8 * rows + sizeof(Vec) * (vertices + (size_t)clearing.collider.surface.vertices);
+}
+
+ClearingMemory lay_out(const Clearing &clearing, void *bytes) {
+    int vertices = clearing.rest.size, rows = clearing.collider.parts * vertices;
+    int32_t *frame = static_cast<int32_t *>(bytes), *faces = frame + 1;
+    float *clear = reinterpret_cast<float *>(faces + rows);
+    Vec *cloth = reinterpret_cast<Vec *>(clear + rows);
+    return {cloth, cloth + vertices, {faces, clear}, frame};
+}
+
+void begin(const Clearing &clearing, const ClearingMemory &memory) {
+    memset(memory.frame, 0, memory_size(clearing));
+    int rows = clearing.collider.parts * clearing.rest.size;
+    for (int k = 0; k < rows; k++) memory.searched.faces[k] = -1;
+}
+
 void read_clearing(const Sections &sections, Clearing &clearing, Failure &failure) {
     Arena &arena = clearing.arena;
-    clearing.collider = read_collider(sections, arena, failure);
-    Array<float> rest = read_floats(sections, "cloth.rest", -1, 3, arena, failure);
+    clearing.collider = read_collider(sections, "fine.touches", nullptr, arena, failure);
+    Array<float> rest = read_floats(sections, "fine.rest", -1, 3, arena, failure);
     int vertices = rest.size / 3;
     clearing.rest = {reinterpret_cast<Vec *>(rest.data), vertices};
-    Array<int32_t> faces = read_indices(sections, "cloth.faces", -1, 3, 0, vertices, arena, failure);
-    clearing.thickness = read_floats(sections, "cloth.thickness", vertices, 1, arena, failure);
+    Array<int32_t> faces = read_indices(sections, "fine.faces", -1, 3, 0, vertices, arena, failure);
+    clearing.thickness = read_floats(sections, "fine.thickness", vertices, 1, arena, failure);
     Array<float> skin = read_floats(sections, "skin.rest", -1, 3, arena, failure);
     int points = skin.size / 3;
     Array<int32_t> skin_faces = read_indices(sections, "skin.faces", -1, 3, 0, points, arena, failure);
     Array<int32_t> corners = read_indices(sections, "covered.corners", -1, 3, 0, points, arena, failure);
     Array<float> weights = read_floats(sections, "covered.weights", corners.size / 3, 3, arena, failure);
     if (!failure.failed && clearing.collider.touches.size != vertices)
-        failure.say("section cloth.touches of the outfit has not a row for each vertex");
+        failure.say("section fine.touches of the outfit has not a row for each vertex");
     if (failure.failed) return;
     Array<Face> triangles{reinterpret_cast<Face *>(faces.data), faces.size / 3};
     clearing.layers = read_layers(sections, clearing.rest, triangles, arena, failure);

@@ -35,8 +35,17 @@ struct ClearingMemory {
     int32_t *frame;
 };
 
-// Reads what `read_collider` and `read_layers` do, and "cloth.rest" (N, 3) m, "cloth.faces" (M, 3),
-// "cloth.thickness" (N), "skin.rest" (V, 3) m, "skin.faces" (F, 3), and of the covered points
+// Bytes of the memory of a clearing.
+size_t memory_size(const Clearing &clearing);
+
+// Views of so many bytes, at a multiple of four: the frame's number, then search results and places.
+ClearingMemory lay_out(const Clearing &clearing, void *bytes);
+
+// Sets memory up before the first frame, from which nothing is known.
+void begin(const Clearing &clearing, const ClearingMemory &memory);
+
+// Reads what `read_collider` and `read_layers` do, and "fine.rest" (N, 3) m, "fine.faces" (M, 3),
+// "fine.touches" (N), "fine.thickness" (N), "skin.rest" (V, 3) m, "skin.faces" (F, 3), and of the covered points
 // "covered.corners" (P, 3), "covered.weights" (P, 3).
 void read_clearing(const Sections &sections, Clearing &clearing, Failure &failure);
 

@@ -6,23 +6,6 @@ struct uvc_clearing {
     uvc::Clearing data;
 };
 
-namespace uvc {
-
-namespace {
-
-// Views of the caller's memory: the frame's number, then places and search results.
-ClearingMemory laid_out(const Clearing &clearing, void *memory) {
-    int vertices = clearing.rest.size, rows = clearing.collider.parts * vertices;
-    int32_t *frame = static_cast<int32_t *>(memory), *faces = frame + 1;
-    float *clear = reinterpret_cast<float *>(faces + rows);
-    Vec *cloth = reinterpret_cast<Vec *>(clear + rows);
-    return {cloth, cloth + vertices, {faces, clear}, frame};
-}
-
-}  // namespace
-
-}  // namespace uvc
-
 extern "C" {
 
 uvc_clearing *uvc_read_clearing(const void *bytes, size_t size, char *message, size_t room) {
@@ -47,20 +30,16 @@ void uvc_free_clearing(uvc_clearing *clearing) {
 }
 
 size_t uvc_clearing_memory(const uvc_clearing *clearing) {
-    const uvc::Clearing &data = clearing->data;
-    size_t vertices = (size_t)data.rest.size, rows = vertices * (size_t)data.collider.parts;
-    return 4 + 8 * rows + sizeof(uvc::Vec) * (vertices + (size_t)data.collider.surface.vertices);
+    return uvc::memory_size(clearing->data);
 }
 
 void uvc_begin_clearing(const uvc_clearing *clearing, void *memory) {
-    memset(memory, 0, uvc_clearing_memory(clearing));
-    int rows = clearing->data.collider.parts * clearing->data.rest.size;
-    for (int k = 0; k < rows; k++) uvc::laid_out(clearing->data, memory).searched.faces[k] = -1;
+    uvc::begin(clearing->data, uvc::lay_out(clearing->data, memory));
 }
 
 void uvc_clear(const uvc_clearing *clearing, void *memory, float *cloth, const float *collider,
                float clearance, float reach) {
-    uvc::ClearingMemory views = uvc::laid_out(clearing->data, memory);
+    uvc::ClearingMemory views = uvc::lay_out(clearing->data, memory);
     uvc::clear_skin(clearing->data, views, reinterpret_cast<uvc::Vec *>(cloth),
                     reinterpret_cast<const uvc::Vec *>(collider), clearance, reach);
 }

@@ -79,7 +79,8 @@ UVC_INLINE float past(const Surface &surface, const Passage &passage, const Clos
 
 }  // namespace
 
-Collider read_collider(const Sections &sections, Arena &arena, Failure &failure) {
+Collider read_collider(const Sections &sections, const char *touches, const char *crossed, Arena &arena,
+                       Failure &failure) {
     Collider collider{};
     Array<float> rest = read_floats(sections, "collider.rest", -1, 3, arena, failure);
     int vertices = rest.size / 3;
@@ -87,10 +88,9 @@ Collider read_collider(const Sections &sections, Arena &arena, Failure &failure)
     Array<int32_t> starts = read_integers(sections, "collider.starts", -1, 1, arena, failure);
     int faces = corners.size / 3;
     starts = read_starts(sections, "collider.starts", most(starts.size - 1, 0), faces, arena, failure);
-    collider.touches = read_integers(sections, "cloth.touches", -1, 1, arena, failure);
-    collider.crossed = has(sections, "cloth.crossed")
-                           ? read_integers(sections, "cloth.crossed", collider.touches.size, 1, arena, failure)
-                           : arena.take<int32_t>(collider.touches.size);
+    collider.touches = read_integers(sections, touches, -1, 1, arena, failure);
+    collider.crossed = crossed ? read_integers(sections, crossed, collider.touches.size, 1, arena, failure)
+                               : arena.take<int32_t>(collider.touches.size);
     if (failure.failed) return {};
     collider.parts = starts.size - 1;
     if (collider.parts > 31) failure.say("the collider has %d parts, at most 31 are possible", collider.parts);

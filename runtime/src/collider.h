@@ -15,8 +15,9 @@ struct Collider {
 };
 
 // Reads "collider.rest" (C, 3) m, "collider.faces" (F, 3), "collider.starts" (K + 1) the first face of each
-// part, "cloth.touches" (N), and "cloth.crossed" (N) where it is there.
-Collider read_collider(const Sections &sections, Arena &arena, Failure &failure);
+// part, and by their names the cloth's `touches` (N), and `crossed` (N) if that is not null.
+Collider read_collider(const Sections &sections, const char *touches, const char *crossed, Arena &arena,
+                       Failure &failure);
 
 // Search results of a frame that the next one starts from. faces: (K N), the closest face of each part, -1
 // for none. clear: (K N) m, a distance within which there is none.

@@ -34,10 +34,10 @@ struct Inner {
 void fit_inner(const Layers &layers, int garment, const Vec *cloth, Inner &inner, Vec *normals,
                Arena &work) {
     if (inner.is_fitted) return;
-    const Sheet &sheet = layers.sheets[garment];
-    inner = {true, make_lying(sheet, work)};
-    fit(sheet, cloth, inner.lying);
-    for (Face f : sheet.faces) {
+    const LaneTree &tree = layers.trees[garment];
+    inner = {true, make_lying(tree, work)};
+    fit(tree, cloth, inner.lying);
+    for (Face f : tree.faces) {
         Vec normal = cross(cloth[f.b] - cloth[f.a], cloth[f.c] - cloth[f.a]);
         for (int corner = 0; corner < 3; corner++) normals[f[corner]] += normal;
     }
@@ -58,14 +58,14 @@ Vec move_off(Face f, const Vec *cloth, const Vec *normals, Vec point, float clea
 void lift_off(const Layers &layers, int pair, const Lying &lying, const Vec *normals, Vec *cloth, Vec *moves,
               float clearance) {
     int outer = layers.outer[pair], inner = layers.inner[pair];
-    const Sheet &sheet = layers.sheets[inner];
+    const LaneTree &tree = layers.trees[inner];
     const int32_t *parts = layers.parts.data + layers.face_starts[inner];
     for (int vertex = layers.starts[outer]; vertex < layers.starts[outer + 1]; vertex++) {
         int touches = layers.touches.at(vertex);
         if (!(touches & layers.all_parts.at(inner))) continue;
-        int face = closest_face(sheet, lying, cloth[vertex], REACH);
+        int face = closest_face(tree, lying, cloth[vertex], REACH);
         if (face < 0 || !(touches & parts[face])) continue;
-        Vec move = move_off(sheet.faces.at(face), cloth, normals, cloth[vertex], clearance);
+        Vec move = move_off(tree.faces.at(face), cloth, normals, cloth[vertex], clearance);
         cloth[vertex] += move;
         if (moves) moves[vertex] += move;
     }
@@ -92,7 +92,7 @@ Layers read_layers(const Sections &sections, Array<Vec> rest, Array<Face> faces,
     if (failure.failed) return {};
     layers.parts = arena.take<int32_t>(faces.size);
     layers.all_parts = arena.take<int32_t>(garments);
-    layers.sheets = arena.take<Sheet>(garments);
+    layers.trees = arena.take<LaneTree>(garments);
     for (int garment = 0; garment < garments; garment++) {
         for (int face = layers.face_starts[garment]; face < layers.face_starts[garment + 1]; face++) {
             for (int corner = 0; corner < 3; corner++)
@@ -100,7 +100,7 @@ Layers read_layers(const Sections &sections, Array<Vec> rest, Array<Face> faces,
             layers.all_parts[garment] |= layers.parts[face];
         }
         Array<Face> own = faces.part(layers.face_starts[garment], layers.face_starts[garment + 1]);
-        layers.sheets[garment] = make_sheet(rest.data, own, arena);
+        layers.trees[garment] = make_lane_tree(rest.data, own, arena);
     }
     return layers;
 }

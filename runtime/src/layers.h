@@ -2,7 +2,7 @@
 #pragma once
 
 #include "sections.h"
-#include "sheet.h"
+#include "lane_tree.h"
 #include "surface.h"
 
 namespace uvc {
@@ -14,7 +14,7 @@ namespace uvc {
 // (G) those of a garment. A sleeve touches sleeves, not the trousers that an arm is pressed into.
 struct Layers {
     Array<int32_t> outer, inner, starts, face_starts, touches, parts, all_parts;
-    Array<Sheet> sheets;
+    Array<LaneTree> trees;
 };
 
 // Reads "garments.starts" (G + 1), "layers.outer" (L), "layers.inner" (L) and "layers.touches" (N), for

@@ -66,6 +66,19 @@ class Arena {
     Block *last_ = nullptr;
 };
 
+// Makes an object of its own, and gives it back. Where the system has no memory left the process ends.
+template <class T, class... Arguments> T *make(Arguments &...arguments) {
+    void *place = calloc(1, sizeof(T));
+    if (!place) __builtin_trap();
+    return new (place) T{arguments...};
+}
+
+template <class T> void drop(T *object) {
+    if (!object) return;
+    object->~T();
+    free(object);
+}
+
 // Sorts indices by `before(a, b)`, keeping the order of equals (merge sort, bottom up).
 template <class T, class Before> void sort(Array<T> items, Before before) {
     Arena arena;

@@ -302,15 +302,6 @@ void remember(Array<Pair> pairs, Array<Pair> before, int count, SelfContact &con
         }
 }
 
-template <class T> void swap(List<T> &a, List<T> &b) {
-    Array<T> items = a.items;
-    int room = a.room;
-    a.items = b.items;
-    a.room = b.room;
-    b.items = items;
-    b.room = room;
-}
-
 void wait_for_none(List<int32_t> &wait, int count) {
     wait.clear();
     for (int k = 0; k < count; k++) wait.add(0);

@@ -69,7 +69,20 @@ template <class T> struct List {
         }
         items.data[items.size++] = item;
     }
+    void assign(Array<T> others) {
+        clear();
+        for (const T &item : others) add(item);
+    }
 };
+
+template <class T> void swap(List<T> &a, List<T> &b) {
+    Array<T> items = a.items;
+    int room = a.room;
+    a.items = b.items;
+    a.room = b.room;
+    b.items = items;
+    b.room = room;
+}
 
 // Pairs that are near, with the substeps until each is looked at again, and what a search needs.
 struct SelfContact {

@@ -74,7 +74,7 @@ void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
     solver.sheet = read_sheet(sections, arena, failure);
     int vertices = solver.sheet.surface.vertices;
     solver.elastic = read_elastic(sections, vertices, arena, failure);
-    solver.collider = read_collider(sections, arena, failure);
+    solver.collider = read_collider(sections, "cloth.touches", "cloth.crossed", arena, failure);
     Particles &p = solver.particles;
     p.mass = read_floats(sections, "particles.mass", vertices, 1, arena, failure);
     p.weight = read_floats(sections, "particles.weight", vertices, 1, arena, failure);

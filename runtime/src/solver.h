@@ -20,7 +20,7 @@ struct Solver {
 // "particles.friction" (N).
 void read_solver(const Sections &sections, Solver &solver, Failure &failure);
 
-// Moves cloth through a frame; see uvc_step in uvcloth.h. Returns whether it stays together.
+// Moves cloth through a frame; see uvc_solve in uvcloth.h. Returns whether it stays together.
 bool step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *velocities, Searched searched,
           SelfContact &contact);
 

@@ -14,26 +14,6 @@ struct uvc_pairs {
     uvc::SelfContact data;
 };
 
-namespace uvc {
-
-namespace {
-
-template <class T> T *make() {
-    void *place = calloc(1, sizeof(T));
-    if (!place) __builtin_trap();
-    return new (place) T;
-}
-
-template <class T> void drop(T *object) {
-    if (!object) return;
-    object->~T();
-    free(object);
-}
-
-}  // namespace
-
-}  // namespace uvc
-
 extern "C" {
 
 uvc_solver *uvc_read_solver(const void *bytes, size_t size, char *message, size_t room) {
@@ -81,8 +61,8 @@ void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides, int32_
     }
 }
 
-int uvc_step(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
-             int32_t *faces, float *clear, uvc_pairs *pairs) {
+int uvc_solve(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
+              int32_t *faces, float *clear, uvc_pairs *pairs) {
     return uvc::step(solver->data, *motion, reinterpret_cast<uvc::Vec *>(positions),
               reinterpret_cast<uvc::Vec *>(velocities), {faces, clear}, pairs->data);
 }

@@ -35,10 +35,10 @@ def _sections(
         "collider.rest": ball[0],
         "collider.faces": ball[1],
         "collider.starts": np.array([0, len(ball[1])]),
-        "cloth.rest": np.tile(points, (count, 1)),
-        "cloth.faces": np.concatenate([faces + size * garment for garment in range(count)]),
-        "cloth.touches": np.ones(count * size, np.int32),
-        "cloth.thickness": np.full(count * size, thickness),
+        "fine.rest": np.tile(points, (count, 1)),
+        "fine.faces": np.concatenate([faces + size * garment for garment in range(count)]),
+        "fine.touches": np.ones(count * size, np.int32),
+        "fine.thickness": np.full(count * size, thickness),
         "skin.rest": ball[0],
         "skin.faces": ball[1],
         "covered.corners": np.zeros((0, 3), np.int32),
@@ -52,7 +52,7 @@ def _sections(
 
 def _over(ball: tuple[Floats, NDArray], thickness: float = 0.0) -> Clearing:
     """A grid on other cloth over a ball."""
-    return Clearing.of(_sections(ball, (1,), thickness))
+    return Clearing(_sections(ball, (1,), thickness))
 
 
 def _lifted(clearing: Clearing, heights: tuple[Floats | float, ...], turns: int = 1) -> Floats:
@@ -126,7 +126,7 @@ def test_what_is_known_of_the_frames_before_changes_nothing_on_a_ball(ball: tupl
 def test_outer_garments_are_lifted_off_those_beneath_where_these_lie_by_then(
     ball: tuple[Floats, NDArray],
 ) -> None:
-    heights = _lifted(Clearing.of(_sections(ball, (1, 1, 1))), (0.0, -0.004, 0.001))
+    heights = _lifted(Clearing(_sections(ball, (1, 1, 1))), (0.0, -0.004, 0.001))
     np.testing.assert_allclose(heights[0], 0.0, atol=0.0)
     np.testing.assert_allclose(heights[1], CLEARANCE, atol=1e-7)
     np.testing.assert_allclose(heights[2], 2 * CLEARANCE, atol=1e-7)
@@ -135,7 +135,7 @@ def test_outer_garments_are_lifted_off_those_beneath_where_these_lie_by_then(
 def test_neighbours_of_what_is_lifted_follow_before_the_last_turn(ball: tuple[Floats, NDArray]) -> None:
     sunk = np.full((41, 41), 0.01, np.float32)
     sunk[20, 20] = -0.01
-    once, twice = (_lifted(Clearing.of(_sections(ball, (1, 1))), (0.0, sunk), turns)[1] for turns in (1, 2))
+    once, twice = (_lifted(Clearing(_sections(ball, (1, 1))), (0.0, sunk), turns)[1] for turns in (1, 2))
     assert once[20, 20] == pytest.approx(CLEARANCE, abs=1e-6)
     assert (once[20, 19], once[0, 0]) == (np.float32(0.01), np.float32(0.01))
     assert twice[20, 19] > 0.0105
@@ -150,12 +150,12 @@ def test_neighbours_of_what_is_lifted_follow_before_the_last_turn(ball: tuple[Fl
 def test_a_garment_stays_where_no_layer_lifts_it(
     ball: tuple[Floats, NDArray], height: float, touches: tuple[int, int]
 ) -> None:
-    heights = _lifted(Clearing.of(_sections(ball, touches)), (0.0, height))
+    heights = _lifted(Clearing(_sections(ball, touches)), (0.0, height))
     np.testing.assert_array_equal(heights[1], np.float32(height))
 
 
 def test_points_beside_the_hem_of_a_layer_stay(ball: tuple[Floats, NDArray]) -> None:
-    clearing, points = Clearing.of(_sections(ball, (1, 1))), _grid(41, 0.4)[0]
+    clearing, points = Clearing(_sections(ball, (1, 1))), _grid(41, 0.4)[0]
     beside = points + np.array([0.01, 0.0, -0.005], np.float32)
     cloth = np.concatenate([points, beside])
     clearing.lift(cloth, CLEARANCE, 1)
@@ -167,9 +167,9 @@ def test_points_beside_the_hem_of_a_layer_stay(ball: tuple[Floats, NDArray]) -> 
 def test_layers_out_of_order_are_refused(ball: tuple[Floats, NDArray]) -> None:
     good = _sections(ball, (1, 1))
     with pytest.raises(ValueError, match="not in order"):
-        Clearing.of(good | {"layers.outer": np.array([0]), "layers.inner": np.array([1])})
+        Clearing(good | {"layers.outer": np.array([0]), "layers.inner": np.array([1])})
     with pytest.raises(ValueError, match="mixes garments"):
-        Clearing.of(good | {"garments.starts": np.array([0, 1000, 3362])})
+        Clearing(good | {"garments.starts": np.array([0, 1000, 3362])})
 
 
 def test_a_pickled_clearing_is_the_same(ball: tuple[Floats, NDArray]) -> None:
@@ -184,6 +184,6 @@ def test_a_pickled_clearing_is_the_same(ball: tuple[Floats, NDArray]) -> None:
 
 def test_sections_that_do_not_fit_together_are_refused_with_a_sentence() -> None:
     with pytest.raises(ValueError, match=r"no section collider\.rest"):
-        Clearing.of({})
+        Clearing({})
     with pytest.raises(ValueError, match="cut or damaged"):
         Clearing(b"UVCLOTH\0" + bytes([1, 0, 0, 0]) + bytes(40))

@@ -30,19 +30,17 @@ class ClearingMemory:
 class Clearing:
     """Fine meshes of an outfit and the body that they are kept off, in the runtime (uvcloth.h)."""
 
-    def __init__(self, content: bytes) -> None:
-        """Read packed sections. Raises ValueError with the runtime's sentence if they do not fit together."""
-        self._content = content
-        self._handle = read_outfit(self, content, "uvc_read_clearing", "uvc_free_clearing")
+    def __init__(self, sections: Mapping[str, NDArray[Any]]) -> None:
+        """Read sections by their names, as runtime/src/clearing.h lists them.
 
-    def __reduce__(self) -> tuple[type[Self], tuple[bytes]]:
+        Raises ValueError with the runtime's sentence if they do not fit together.
+        """
+        self.sections = dict(sections)
+        self._handle = read_outfit(self, pack(self.sections), "uvc_read_clearing", "uvc_free_clearing")
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Mapping[str, NDArray[Any]]]]:
         """Pickle the sections; the runtime reads them again."""
-        return type(self), (self._content,)
-
-    @classmethod
-    def of(cls, sections: Mapping[str, NDArray[Any]]) -> Self:
-        """Read sections by their names, as runtime/src/clearing.h lists them."""
-        return cls(pack(sections))
+        return type(self), (self.sections,)
 
     def begin(self) -> ClearingMemory:
         """Memory before the first frame, from which nothing is known."""

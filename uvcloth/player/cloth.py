@@ -120,7 +120,7 @@ class ClothSolver:
                 pointer(pairs.directions),
                 len(pairs.edges),
             )
-            stays_together = core.uvc_step(
+            stays_together = core.uvc_solve(
                 self._handle,
                 ctypes.byref(motion),
                 pointer(places),

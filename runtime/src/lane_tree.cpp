@@ -1,4 +1,4 @@
-#include "sheet.h"
+#include "lane_tree.h"
 
 namespace uvc {
 
@@ -106,13 +106,13 @@ struct Best {
 
     float spared() const { return 1.001f * squared + 1e-9f; }
 
-    void look(const Sheet &sheet, const Lying &lying, int block, LaneVec point) {
+    void look(const LaneTree &tree, const Lying &lying, int block, LaneVec point) {
         Lanes squares = outside(lying.blocks.at(block), point);
         float low = lowest(squares);
         if (!(low <= squared)) return;
-        if (low < squared) face = sheet.faces.size;
+        if (low < squared) face = tree.faces.size;
         for (unsigned lanes = bits(squares == low); lanes;)
-            face = least(face, sheet.order.at(LANES * block + take(lanes)));
+            face = least(face, tree.order.at(LANES * block + take(lanes)));
         squared = low;
         limit = spared();
     }
@@ -126,48 +126,48 @@ void put(LaneBox &boxes, int lane, Vec low, Vec high) {
 
 }  // namespace
 
-Sheet make_sheet(const Vec *rest, Array<Face> faces, Arena &arena) {
-    Sheet sheet{};
-    if (!faces.size) return sheet;
-    sheet.faces = faces;
-    sheet.blocks = (faces.size + LANES - 1) / LANES;
+LaneTree make_lane_tree(const Vec *rest, Array<Face> faces, Arena &arena) {
+    LaneTree tree{};
+    if (!faces.size) return tree;
+    tree.faces = faces;
+    tree.blocks = (faces.size + LANES - 1) / LANES;
     Arena work;
     Array<Vec> centres = work.take<Vec>(faces.size);
-    sheet.order = arena.take<int32_t>(LANES * sheet.blocks);
+    tree.order = arena.take<int32_t>(LANES * tree.blocks);
     for (int k = 0; k < faces.size; k++) {
         centres[k] = rest[faces[k].a] + rest[faces[k].b] + rest[faces[k].c];
-        sheet.order[k] = k;
+        tree.order[k] = k;
     }
-    arrange(sheet.order.part(0, faces.size), centres);
-    for (int k = faces.size; k < sheet.order.size; k++) sheet.order[k] = sheet.order[faces.size - 1];
+    arrange(tree.order.part(0, faces.size), centres);
+    for (int k = faces.size; k < tree.order.size; k++) tree.order[k] = tree.order[faces.size - 1];
     // A seventh of the blocks, and up to one more on each level.
-    Array<Children> nodes = work.take<Children>(sheet.blocks / (LANES - 1) + DEPTH);
-    int count = 0, first = 0, last = sheet.blocks;
+    Array<Children> nodes = work.take<Children>(tree.blocks / (LANES - 1) + DEPTH);
+    int count = 0, first = 0, last = tree.blocks;
     do {
         int before = count;
         for (int child = first; child < last; child += LANES)
             nodes[count++] = {child, least(child + LANES, last)};
-        if (!sheet.over_blocks) sheet.over_blocks = count;
+        if (!tree.over_blocks) tree.over_blocks = count;
         first = before;
         last = count;
     } while (last - first > 1);
-    sheet.nodes = arena.copy(nodes.data, count);
-    return sheet;
+    tree.nodes = arena.copy(nodes.data, count);
+    return tree;
 }
 
-Lying make_lying(const Sheet &sheet, Arena &arena) {
-    Lying lying{arena.take<Block>(sheet.blocks), arena.take<LaneBox>(sheet.nodes.size)};
+Lying make_lying(const LaneTree &tree, Arena &arena) {
+    Lying lying{arena.take<Block>(tree.blocks), arena.take<LaneBox>(tree.nodes.size)};
     LaneBox none{spread({FAR, FAR, FAR}), spread({-FAR, -FAR, -FAR})};
     for (LaneBox &boxes : lying.boxes) boxes = none;
     return lying;
 }
 
-void fit(const Sheet &sheet, const Vec *points, Lying &lying) {
-    for (int k = 0; k < sheet.blocks; k++) {
+void fit(const LaneTree &tree, const Vec *points, Lying &lying) {
+    for (int k = 0; k < tree.blocks; k++) {
         // Lanes are written as numbers in memory: putting them in one by one is slow.
         float numbers[9][LANES];
         for (int lane = 0; lane < LANES; lane++) {
-            Face f = sheet.faces.at(sheet.order.at(LANES * k + lane));
+            Face f = tree.faces.at(tree.order.at(LANES * k + lane));
             Vec a = points[f.a], b = points[f.b], c = points[f.c];
             const float row[] = {a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z};
             for (int number = 0; number < 9; number++) numbers[number][lane] = row[number];
@@ -182,8 +182,8 @@ void fit(const Sheet &sheet, const Vec *points, Lying &lying) {
             {highest(most(most(a.x, b.x), c.x)), highest(most(most(a.y, b.y), c.y)),
              highest(most(most(a.z, b.z), c.z))});
     }
-    for (int node = sheet.over_blocks; node < sheet.nodes.size; node++) {
-        Children children = sheet.nodes.at(node);
+    for (int node = tree.over_blocks; node < tree.nodes.size; node++) {
+        Children children = tree.nodes.at(node);
         for (int child = children.first; child < children.last; child++) {
             LaneBox boxes = lying.boxes.at(child);
             put(lying.boxes.at(node), child - children.first, lowest(boxes.low), highest(boxes.high));
@@ -191,29 +191,29 @@ void fit(const Sheet &sheet, const Vec *points, Lying &lying) {
     }
 }
 
-int closest_face(const Sheet &sheet, const Lying &lying, Vec point, float reach) {
+int closest_face(const LaneTree &tree, const Lying &lying, Vec point, float reach) {
     Best best(reach);
-    if (!sheet.faces.size) return -1;
+    if (!tree.faces.size) return -1;
     LaneVec from = spread(point);
     int stack[DEPTH];
     float distances[DEPTH];
     int top = 1;
-    stack[0] = sheet.nodes.size - 1;
+    stack[0] = tree.nodes.size - 1;
     distances[0] = 0;
     while (top > 0) {
         if (distances[--top] > best.limit) continue;
-        int node = stack[top], first = sheet.nodes.at(node).first;
+        int node = stack[top], first = tree.nodes.at(node).first;
         Lanes squares = outside(lying.boxes.at(node), from);
         unsigned lanes = bits(squares <= best.limit);
         if (!lanes) continue;
         // The nearest child is the next one: what is found in it rules most of the others out.
         unsigned nearest = bits(squares == lowest(squares));
         lanes &= ~nearest;
-        if (node < sheet.over_blocks) {
-            while (nearest) best.look(sheet, lying, first + take(nearest), from);
+        if (node < tree.over_blocks) {
+            while (nearest) best.look(tree, lying, first + take(nearest), from);
             for (lanes &= bits(squares <= best.limit); lanes;) {
                 int lane = take(lanes);
-                if (squares[lane] <= best.limit) best.look(sheet, lying, first + lane, from);
+                if (squares[lane] <= best.limit) best.look(tree, lying, first + lane, from);
             }
         } else {
             unsigned both[] = {lanes, nearest};

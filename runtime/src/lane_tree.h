@@ -1,4 +1,4 @@
-// A sheet of faces that moves, and its faces that are closest to points: eight faces, or boxes, at a time.
+// A surface that moves, and its faces that are closest to points: eight faces, or boxes, at a time.
 #pragma once
 
 #include "memory.h"
@@ -16,7 +16,7 @@ struct Children {
 //
 // order: the faces of the blocks. nodes: those over blocks come first, so
 // many; the children of others are nodes before them, and the root is the last.
-struct Sheet {
+struct LaneTree {
     Array<Face> faces;
     Array<int32_t> order;
     Array<Children> nodes;
@@ -24,7 +24,7 @@ struct Sheet {
 };
 
 // Faces have corners among the points at rest, m; there may be none.
-Sheet make_sheet(const Vec *rest, Array<Face> faces, Arena &arena);
+LaneTree make_lane_tree(const Vec *rest, Array<Face> faces, Arena &arena);
 
 typedef Vector<Lanes> LaneVec;
 
@@ -38,18 +38,18 @@ struct LaneBox {
     LaneVec low, high;
 };
 
-// A sheet where it lies now.
+// The tree of a surface where it lies now.
 struct Lying {
     Array<Block> blocks;
     Array<LaneBox> boxes;
 };
 
-Lying make_lying(const Sheet &sheet, Arena &arena);
+Lying make_lying(const LaneTree &tree, Arena &arena);
 
-void fit(const Sheet &sheet, const Vec *points, Lying &lying);
+void fit(const LaneTree &tree, const Vec *points, Lying &lying);
 
 // The face closest to a point within reach, m, of several the first; -1 if there is none. It starts from no
 // guess: the last answer costs about as much to look at as it saves.
-int closest_face(const Sheet &sheet, const Lying &lying, Vec point, float reach);
+int closest_face(const LaneTree &tree, const Lying &lying, Vec point, float reach);
 
 }  // namespace uvc

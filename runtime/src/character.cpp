@@ -1,0 +1,317 @@
+#include "character.h"
+
+namespace uvc {
+
+namespace {
+
+// Metres that garments keep from the skin, and from each other; how far skin and cloth are looked for.
+constexpr float CLEARANCE = 0.003f, CLEARING_REACH = 0.03f;
+
+// Damping ratio of the springs that hold bands.
+constexpr float HOLD_DAMPING = 0.7f;
+
+// Greatest speed of a body, m/s, relative to the mean of the cloth, that can be followed.
+constexpr float FASTEST_BODY = 40.0f;
+
+// Times that a frame is repeated, each with twice the substeps.
+constexpr int RETRIES = 2;
+
+// Substeps of a frame at most.
+constexpr double MOST_SUBSTEPS = 1e6;
+
+// Frames in which a body goes from its rest pose to its first pose, and in which cloth then comes to rest.
+constexpr int POSING_FRAMES = 20, SETTLING_FRAMES = 45;
+
+// Seconds of these frames.
+constexpr float SETTLING_SECONDS = 1.0f / 30.0f;
+
+// Rotation and shift of a joint from rest, relative to an origin, for skinning.
+void write_transform(const Rigid &joint, Vec64 origin, float *row) {
+    const double shift[3] = {joint.shift.x - origin.x, joint.shift.y - origin.y, joint.shift.z - origin.z};
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) row[4 * i + j] = (float)joint.turn.at[i][j];
+        row[4 * i + 3] = (float)shift[i];
+    }
+}
+
+// Poses body, cages and points around the root, and opens the collider.
+void pose_all(Character &character, const Rigid *joints, Posed &posed) {
+    const Outfit &outfit = character.outfit;
+    const Skeleton &skeleton = outfit.skeleton;
+    Arena work;
+    const double(&m)[3][3] = joints[0].turn.at;
+    Vec64 head = skeleton.heads[0];
+    posed.origin = joints[0].shift + Vec64{m[0][0] * head.x + m[0][1] * head.y + m[0][2] * head.z,
+                                           m[1][0] * head.x + m[1][1] * head.y + m[1][2] * head.z,
+                                           m[2][0] * head.x + m[2][1] * head.y + m[2][2] * head.z};
+    int count = skeleton.parents.size;
+    Array<float> transforms = work.take<float>(12 * count);
+    for (int k = 0; k < count; k++)
+        write_transform(joints[k], posed.origin, transforms.data + 12 * k);
+    pose(outfit.body, transforms.data, posed.skin.data);
+    pose(outfit.cages, transforms.data, posed.cages.data);
+    pose(outfit.points, transforms.data, posed.points.data);
+    int vertices = posed.skin.size;
+    Array<Vec> closed = work.take<Vec>(vertices + outfit.caps.tips.size);
+    for (int k = 0; k < vertices; k++) closed[k] = (1 / outfit.size) * posed.skin[k];
+    add_tips(outfit.caps, closed.data);
+    open_frame(outfit.opening, character.opening, closed.data);
+    for (int k = 0; k < posed.body.size; k++) posed.body[k] = outfit.size * closed[outfit.used[k]];
+}
+
+Posed make_posed(const Outfit &outfit, Arena &arena) {
+    return {{},
+            arena.take<Vec>(outfit.cages.vertices()),
+            arena.take<Vec>(outfit.used.size),
+            arena.take<Vec>(outfit.body.vertices()),
+            arena.take<Vec>(outfit.points.vertices())};
+}
+
+Vec64 mean(Array<Vec> points) {
+    Vec64 total{};
+    for (Vec point : points) total += wide(point);
+    return points.size ? (1.0 / points.size) * total : total;
+}
+
+Array<Vec> around(Array<Vec> points, Vec64 origin, Arena &arena) {
+    Array<Vec> near = arena.take<Vec>(points.size);
+    for (int k = 0; k < points.size; k++) near[k] = narrow(wide(points[k]) - origin);
+    return near;
+}
+
+float fastest(Array<Vec> ways) {
+    float squared = 0;
+    for (Vec way : ways) squared = most(squared, dot(way, way));
+    return root(squared);
+}
+
+float fastest(Array<Vec> start, Array<Vec> end) {
+    float squared = 0;
+    for (int k = 0; k < start.size; k++) squared = most(squared, dot(end[k] - start[k], end[k] - start[k]));
+    return root(squared);
+}
+
+// Where the cloth may be at the end of a frame, until it is known that it stays together.
+struct Next {
+    Vec64 origin, drift;
+    Array<Vec> positions, velocities, targets, body;
+    Searched searched;
+    SelfContact contact;
+};
+
+// Solves a frame up to the pose, with as many substeps as it takes.
+bool solve(Character &character, float seconds, Arena &arena, Next &next, Failure &failure) {
+    const Outfit &outfit = character.outfit;
+    const SolverSettings &settings = outfit.settings;
+    const Posed &posed = character.posed;
+    int count = posed.cages.size, rows = outfit.solver.collider.parts * count;
+    Vec64 middle = mean(posed.cages);
+    next.origin = posed.origin + middle;
+    next.drift = (1.0 / seconds) * (next.origin - character.origin);
+    next.targets = around(posed.cages, middle, arena);
+    next.body = around(posed.body, middle, arena);
+    Array<Vec> speeds = arena.take<Vec>(count);
+    for (int k = 0; k < count; k++) {
+        Vec64 speed = wide(character.velocities[k]) + character.drift - next.drift;
+        // A clip that starts in a run does not pull resting cloth away.
+        if (character.frame == 1) speed = (1.0 / seconds) * wide(next.targets[k] - character.targets[k]);
+        speeds[k] = narrow(speed);
+    }
+    float past = fastest(character.body, next.body) / seconds;
+    if (!(past <= FASTEST_BODY)) {
+        failure.say("the body moves at %d m/s past the cloth in a frame, the limit is %d m/s",
+                    (int)least(past, 1e9f), (int)FASTEST_BODY);
+        return false;
+    }
+    double needed = (double)seconds * settings.needed;
+    if (!(needed < MOST_SUBSTEPS)) {
+        failure.say("a frame of %d s needs too many substeps", (int)least(seconds, 1e9f));
+        return false;
+    }
+    float body_interval = least(settings.interval, settings.reach / most(past + fastest(speeds), 1e-6f));
+    Array<float> damping = arena.take<float>(count);
+    for (float &each : damping) each = HOLD_DAMPING;
+    auto numbers = [](Array<Vec> vectors) { return reinterpret_cast<const float *>(vectors.data); };
+    uvc_motion motion{};
+    motion.body_start = numbers(character.body);
+    motion.body_end = numbers(next.body);
+    motion.target_start = numbers(character.targets);
+    motion.target_end = numbers(next.targets);
+    motion.pull = outfit.hold.data;
+    motion.damping = damping.data;
+    motion.drift[0] = (float)next.drift.x;
+    motion.drift[1] = (float)next.drift.y;
+    motion.drift[2] = (float)next.drift.z;
+    motion.seconds = seconds;
+    motion.radius = settings.radius;
+    motion.self_radius = settings.self_radius;
+    motion.self_margin = settings.self_margin;
+    motion.reach = settings.reach;
+    motion.hinge_interval = settings.hinge_interval;
+    motion.frame = character.solved;
+    motion.renewal = settings.renewal;
+    motion.self_contact = 1;
+    int substeps = most((int)__builtin_ceil(needed), 1);
+    for (int attempt = 0; attempt <= RETRIES; attempt++, substeps *= 2) {
+        motion.substeps = substeps;
+        motion.interval = most((int)((float)substeps * settings.interval / seconds + 0.5f), 1);
+        motion.body_interval = most((int)((float)substeps * body_interval / seconds), 1);
+        next.positions = arena.copy(character.positions);
+        next.velocities = arena.copy(speeds);
+        next.searched = {arena.copy(character.searched.faces, rows).data,
+                         arena.copy(character.searched.clear, rows).data};
+        next.contact.points.assign(character.contact.points.items);
+        next.contact.edges.assign(character.contact.edges.items);
+        if (step(outfit.solver, motion, next.positions.data, next.velocities.data, next.searched, next.contact))
+            return true;
+    }
+    failure.say("the cloth flies apart");
+    return false;
+}
+
+void copy(Array<Vec> to, Array<Vec> from) { memcpy(to.data, from.data, sizeof(Vec) * (size_t)to.size); }
+
+void accept(Character &character, Next &next) {
+    size_t rows = (size_t)(character.outfit.solver.collider.parts * character.positions.size);
+    character.origin = next.origin;
+    character.drift = next.drift;
+    copy(character.positions, next.positions);
+    copy(character.velocities, next.velocities);
+    copy(character.targets, next.targets);
+    copy(character.body, next.body);
+    memcpy(character.searched.faces, next.searched.faces, sizeof(int32_t) * rows);
+    memcpy(character.searched.clear, next.searched.clear, sizeof(float) * rows);
+    swap(character.contact.points, next.contact.points);
+    swap(character.contact.edges, next.contact.edges);
+    character.solved++;
+}
+
+// Carries the points along with the cages, around the origin of `posed`, and clears them.
+void carry(Character &character) {
+    const Outfit &outfit = character.outfit;
+    const Posed &posed = character.posed;
+    Arena work;
+    Vec middle = narrow(character.origin - posed.origin);
+    Array<Vec> offsets = work.take<Vec>(posed.cages.size);
+    for (int k = 0; k < offsets.size; k++) offsets[k] = character.positions[k] + middle - posed.cages[k];
+    float smaller = 1 / outfit.size;
+    Array<Vec> points = character.shown;
+    for (int point = 0; point < points.size; point++) {
+        Vec total = posed.points[point];
+        for (int k = outfit.cage_starts[point]; k < outfit.cage_starts[point + 1]; k++)
+            total += outfit.cage_weights[k] * offsets[outfit.cage[k]];
+        points[point] = smaller * total;
+    }
+    Array<Vec> body = work.copy(posed.body), skin = work.copy(posed.skin);
+    for (Vec &vertex : body) vertex = smaller * vertex;
+    for (Vec &vertex : skin) vertex = smaller * vertex;
+    clear_skin(outfit.clearing, character.memory, points.data, body.data, CLEARANCE, CLEARING_REACH);
+    cover_skin(outfit.clearing, points.data, skin.data);
+    lift(outfit.clearing.layers, outfit.clearing.rings, points.data, CLEARANCE, 1);
+    for (Vec &point : points) point = outfit.size * point;
+    character.frame++;
+}
+
+bool are_finite(const Rigid *joints, int count, Failure &failure) {
+    for (int joint = 0; joint < count; joint++) {
+        const Rigid &one = joints[joint];
+        double total = one.shift.x + one.shift.y + one.shift.z;
+        for (int i = 0; i < 9; i++) total += one.turn.at[i / 3][i % 3];
+        if (!is_finite(total)) {
+            failure.say("the transform of joint %d is not finite", joint);
+            return false;
+        }
+    }
+    return true;
+}
+
+void forget(Character &character) {
+    const Outfit &outfit = character.outfit;
+    int rows = outfit.solver.collider.parts * character.positions.size;
+    for (int k = 0; k < rows; k++) character.searched.faces[k] = -1;
+    for (int k = 0; k < rows; k++) character.searched.clear[k] = 0;
+    begin(outfit.clearing, character.memory);
+    character.contact.points.clear();
+    character.contact.edges.clear();
+    character.frame = character.solved = 0;
+}
+
+}  // namespace
+
+Character::Character(const Outfit &outfit)
+    : outfit(outfit), place{1, 0, {}}, frame(0), solved(0), origin{}, drift{} {
+    int cages = outfit.cages.vertices(), rows = outfit.solver.collider.parts * cages;
+    positions = arena.take<Vec>(cages);
+    velocities = arena.take<Vec>(cages);
+    targets = arena.take<Vec>(cages);
+    body = arena.take<Vec>(outfit.used.size);
+    shown = arena.take<Vec>(outfit.points.vertices());
+    searched = {arena.take<int32_t>(rows).data, arena.take<float>(rows).data};
+    memory = lay_out(outfit.clearing, arena.take<uint8_t>((int)memory_size(outfit.clearing)).data);
+    posed = make_posed(outfit, arena);
+    opening = make_opening_work(outfit.opening, arena);
+    forget(*this);
+}
+
+bool start(Character &character, const Rigid *joints, Failure &failure) {
+    const Skeleton &skeleton = character.outfit.skeleton;
+    int count = skeleton.parents.size;
+    if (!are_finite(joints, count, failure)) return false;
+    Arena work;
+    Array<Rigid> transforms = work.copy(joints, count), way = work.take<Rigid>(count);
+    character.place = place_of(joints[0], skeleton.heads[0]);
+    bring_in(character.place, transforms.data, count);
+    forget(character);
+    Pose pose = read_pose(skeleton, transforms.data, work);
+    double energy = 0;
+    for (int frame = 0; frame <= POSING_FRAMES + SETTLING_FRAMES; frame++) {
+        Arena arena;
+        if (frame <= POSING_FRAMES) {
+            way_to(skeleton, pose, (double)frame / POSING_FRAMES, way.data);
+            pose_all(character, way.data, character.posed);
+        }
+        Posed &posed = character.posed;
+        if (frame == 0) {
+            Vec64 middle = mean(posed.cages);
+            character.origin = posed.origin + middle;
+            character.drift = {};
+            copy(character.targets, around(posed.cages, middle, arena));
+            copy(character.positions, character.targets);
+            copy(character.body, around(posed.body, middle, arena));
+            memset(character.velocities.data, 0, sizeof(Vec) * (size_t)character.velocities.size);
+            continue;
+        }
+        Next next;
+        if (!solve(character, SETTLING_SECONDS, arena, next, failure)) return false;
+        accept(character, next);
+        // Kinetic damping (Barnes 1999): cloth that slows down is stopped, or a skirt would swing for seconds.
+        double before = energy;
+        energy = 0;
+        for (Vec velocity : character.velocities) energy += (double)dot(velocity, velocity);
+        if (energy < before) {
+            memset(character.velocities.data, 0, sizeof(Vec) * (size_t)character.velocities.size);
+            energy = 0;
+        }
+    }
+    return true;
+}
+
+bool step(Character &character, const Rigid *joints, float seconds, Failure &failure) {
+    int count = character.outfit.skeleton.parents.size;
+    if (!are_finite(joints, count, failure)) return false;
+    if (!(seconds > 0)) {
+        failure.say("a frame takes no time");
+        return false;
+    }
+    Arena work;
+    Array<Rigid> transforms = work.copy(joints, count);
+    bring_in(character.place, transforms.data, count);
+    pose_all(character, transforms.data, character.posed);
+    Next next;
+    if (!solve(character, seconds, work, next, failure)) return false;
+    accept(character, next);
+    carry(character);
+    return true;
+}
+
+}  // namespace uvc

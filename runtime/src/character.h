@@ -1,0 +1,46 @@
+// A character in a baked outfit: its cloth, from one frame to the next.
+#pragma once
+
+#include "outfit.h"
+
+namespace uvc {
+
+// Positions, m, around an origin, which move with it.
+//
+// cages: (n) skinned. body: (C) the opened collider. skin: (V) and points: (U) skinned.
+struct Posed {
+    Vec64 origin;
+    Array<Vec> cages, body, skin, points;
+};
+
+// All that a character's cloth remembers; everything is in the frame of `place`, that of the first root.
+//
+// frame: frames that were shown; solved: frames that were solved. origin: mean of the cages' targets, m;
+// drift: m/s, its velocity. positions, m, and velocities, m/s, of the cloth (n), targets (n) and collider (C)
+// are around that origin. memory: of the clearing. shown: (U) points around the origin of `posed`.
+struct Character {
+    const Outfit &outfit;
+    Place place;
+    int frame, solved;
+    Vec64 origin, drift;
+    Array<Vec> positions, velocities, targets, body, shown;
+    Searched searched;
+    SelfContact contact;
+    ClearingMemory memory;
+    Posed posed;
+    OpeningWork opening;
+    Arena arena;
+
+    explicit Character(const Outfit &outfit);
+};
+
+// Lets cloth come to rest on the body in its pose of joints' transforms (J) from rest, to which it goes from
+// its rest pose. Returns false, with a sentence, for joints that are not finite, or cloth that cannot rest.
+bool start(Character &character, const Rigid *joints, Failure &failure);
+
+// Moves cloth to the next frame of so many seconds, and clears the garments that follow it. Returns false, with
+// a sentence, and leaves the cloth as it was, for joints that are not finite, a body that is too fast, or
+// cloth that flies apart.
+bool step(Character &character, const Rigid *joints, float seconds, Failure &failure);
+
+}  // namespace uvc

@@ -1,0 +1,84 @@
+// The C interface of characters in baked outfits.
+#include "character.h"
+
+struct uvc_outfit {
+    uvc::Outfit data;
+};
+
+struct uvc_cloth {
+    uvc::Character data;
+
+    explicit uvc_cloth(const uvc::Outfit &outfit) : data(outfit) {}
+};
+
+namespace uvc {
+
+namespace {
+
+// Joints (J, 3, 4) as turns and shifts.
+Array<Rigid> rigid(const double *joints, int count, Arena &arena) {
+    Array<Rigid> transforms = arena.take<Rigid>(count);
+    for (int k = 0; k < count; k++) {
+        const double *row = joints + 12 * k;
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++) transforms[k].turn.at[i][j] = row[4 * i + j];
+        transforms[k].shift = {row[3], row[7], row[11]};
+    }
+    return transforms;
+}
+
+}  // namespace
+
+}  // namespace uvc
+
+extern "C" {
+
+uvc_outfit *uvc_read(const void *bytes, size_t size, char *message, size_t room) {
+    uvc::Failure failure{message, room};
+    uvc_outfit *outfit = uvc::make<uvc_outfit>();
+    uvc::Sections sections = uvc::read_sections(bytes, size, failure);
+    if (!failure.failed) uvc::read_outfit(sections, outfit->data, failure);
+    if (!failure.failed) return outfit;
+    uvc_free(outfit);
+    return nullptr;
+}
+
+void uvc_free(uvc_outfit *outfit) { uvc::drop(outfit); }
+
+int uvc_joints(const uvc_outfit *outfit) { return outfit->data.skeleton.parents.size; }
+
+int uvc_garments(const uvc_outfit *outfit) { return outfit->data.garments(); }
+
+int uvc_garment_vertices(const uvc_outfit *outfit, int garment) {
+    return outfit->data.shown_starts[garment + 1] - outfit->data.shown_starts[garment];
+}
+
+uvc_cloth *uvc_new(const uvc_outfit *outfit) { return uvc::make<uvc_cloth>(outfit->data); }
+
+void uvc_drop(uvc_cloth *cloth) { uvc::drop(cloth); }
+
+int uvc_start(uvc_cloth *cloth, const double *joints, char *message, size_t room) {
+    uvc::Failure failure{message, room};
+    uvc::Arena work;
+    int count = cloth->data.outfit.skeleton.parents.size;
+    return uvc::start(cloth->data, uvc::rigid(joints, count, work).data, failure);
+}
+
+int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, char *message, size_t room) {
+    uvc::Failure failure{message, room};
+    uvc::Arena work;
+    int count = cloth->data.outfit.skeleton.parents.size;
+    return uvc::step(cloth->data, uvc::rigid(joints, count, work).data, (float)seconds, failure);
+}
+
+void uvc_vertices(const uvc_cloth *cloth, int garment, double *vertices) {
+    const uvc::Character &character = cloth->data;
+    const uvc::Outfit &outfit = character.outfit;
+    int first = outfit.shown_starts[garment], count = outfit.shown_starts[garment + 1] - first;
+    uvc::Vec64 *places = reinterpret_cast<uvc::Vec64 *>(vertices);
+    for (int k = 0; k < count; k++)
+        places[k] = uvc::wide(character.shown[outfit.shown[first + k]]) + character.posed.origin;
+    uvc::bring_back(character.place, places, count);
+}
+
+}  // extern "C"

@@ -1,0 +1,69 @@
+#include "outfit.h"
+
+namespace uvc {
+
+namespace {
+
+SolverSettings read_settings(const Sections &sections, Failure &failure) {
+    SolverSettings settings{};
+    settings.needed = read_number(sections, "settings.needed", failure);
+    settings.radius = read_number(sections, "settings.radius", failure);
+    settings.self_radius = read_number(sections, "settings.self_radius", failure);
+    settings.self_margin = read_number(sections, "settings.self_margin", failure);
+    settings.reach = read_number(sections, "settings.reach", failure);
+    settings.interval = read_number(sections, "settings.interval", failure);
+    settings.renewal = (int)clamp(read_number(sections, "settings.renewal", failure), 1, 1000);
+    settings.hinge_interval = (int)clamp(read_number(sections, "settings.hinge_interval", failure), 1, 16);
+    if (!(settings.needed > 0 && settings.needed < 1e6f && settings.interval > 0))
+        failure.say("the settings of the outfit leave no time step");
+    return settings;
+}
+
+// Whether parts have the sizes of each other.
+void check_sizes(const Outfit &outfit, Failure &failure) {
+    const Outfit &o = outfit;
+    if (failure.failed) return;
+    if (!(o.size > 0)) failure.say("the size of the outfit's body is not positive");
+    if (o.cages.vertices() != o.solver.particles.mass.size)
+        failure.say("the outfit's cages have not as many vertices as its cloth");
+    if (o.points.vertices() != o.clearing.rest.size)
+        failure.say("the outfit's points are not as many as those that are cleared");
+    if (o.used.size != o.solver.collider.surface.vertices || o.used.size != o.clearing.collider.surface.vertices)
+        failure.say("the outfit's collider has not as many vertices as are used");
+    if (o.clearing.skin.vertices != o.body.vertices())
+        failure.say("the skin that the outfit covers has not as many vertices as its body");
+}
+
+}  // namespace
+
+void read_outfit(const Sections &sections, Outfit &outfit, Failure &failure) {
+    Arena &arena = outfit.arena;
+    outfit.size = read_number(sections, "outfit.size", failure);
+    outfit.skeleton = read_skeleton(sections, arena, failure);
+    int joints = outfit.skeleton.parents.size;
+    outfit.body = read_skin(sections, "body", joints, arena, failure);
+    outfit.cages = read_skin(sections, "cages", joints, arena, failure);
+    outfit.points = read_skin(sections, "points", joints, arena, failure);
+    int cages = outfit.cages.vertices(), points = outfit.points.vertices();
+    Array<int32_t> tips = read_integers(sections, "caps.tips", -1, 1, arena, failure);
+    int vertices = outfit.body.vertices() + tips.size;
+    outfit.caps = read_caps(sections, vertices, arena, failure);
+    outfit.opening = read_opening(sections, vertices, arena, failure);
+    outfit.used = read_indices(sections, "outfit.used", -1, 1, 0, vertices, arena, failure);
+    read_solver(sections, outfit.solver, failure);
+    read_clearing(sections, outfit.clearing, failure);
+    outfit.settings = read_settings(sections, failure);
+    outfit.hold = read_floats(sections, "outfit.hold", cages, 1, arena, failure);
+    outfit.cage = read_indices(sections, "follow.cage", -1, 1, 0, cages, arena, failure);
+    outfit.cage_weights = read_floats(sections, "follow.weights", outfit.cage.size, 1, arena, failure);
+    outfit.cage_starts = read_starts(sections, "follow.starts", points, outfit.cage.size, arena, failure);
+    Array<int32_t> starts = read_integers(sections, "garments.starts", -1, 1, arena, failure);
+    int garments = most(starts.size - 1, 0);
+    outfit.starts = read_starts(sections, "garments.starts", garments, points, arena, failure);
+    outfit.shown = read_indices(sections, "outfit.shown", -1, 1, 0, points, arena, failure);
+    outfit.shown_starts =
+        read_starts(sections, "outfit.shown_starts", garments, outfit.shown.size, arena, failure);
+    check_sizes(outfit, failure);
+}
+
+}  // namespace uvc

@@ -1,0 +1,52 @@
+// A baked outfit: all that dresses a character, from the joints to the vertices that are shown.
+#pragma once
+
+#include "caps.h"
+#include "clearing.h"
+#include "opening.h"
+#include "skeleton.h"
+#include "skinning.h"
+#include "solver.h"
+
+namespace uvc {
+
+// Settings of the solver.
+//
+// needed: substeps a second. radius: m, kept between cloth and body. self_radius: m, kept between cloth and
+// cloth; self_margin: m more within which cloth is watched. reach: m, how near the body, and how deep in it,
+// cloth is looked for. interval: s between two searches. renewal: frames from one search of all faces of the
+// body for a vertex to the next. hinge_interval: substeps between two evaluations of the hinges.
+struct SolverSettings {
+    float needed, radius, self_radius, self_margin, reach, interval;
+    int renewal, hinge_interval;
+};
+
+// Cages, which the solver moves, of garments, whose U welded points follow them, on a body.
+//
+// size: height of the body over that of the nearest adult; clearances are for adults. used: (C) the vertices
+// that cloth may touch, among the body's and the caps' tips. hold: (n) 1/s, attachment of bands. cage_starts
+// (U + 1), cage, cage_weights: vertices of the cages around each point. starts: (G + 1) first point of each
+// garment. shown_starts: (G + 1) first shown vertex of each garment, and shown: the point that each lies at.
+struct Outfit {
+    float size;
+    Skeleton skeleton;
+    Skin body, cages, points;
+    Caps caps;
+    Opening opening;
+    Solver solver;
+    Clearing clearing;
+    SolverSettings settings;
+    Array<int32_t> used, cage_starts, cage, starts, shown_starts, shown;
+    Array<float> cage_weights, hold;
+    Arena arena;
+
+    int garments() const { return starts.size - 1; }
+};
+
+// Reads what `read_skeleton`, `read_caps`, `read_opening`, `read_solver` and `read_clearing` do, skins named
+// "body", "cages" and "points", and the arrays above as "outfit.size", "outfit.used", "outfit.hold",
+// "outfit.shown_starts", "outfit.shown", "follow.starts", "follow.cage", "follow.weights", and
+// "settings.needed" to "settings.hinge_interval".
+void read_outfit(const Sections &sections, Outfit &outfit, Failure &failure);
+
+}  // namespace uvc

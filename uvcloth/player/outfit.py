@@ -1,0 +1,71 @@
+"""Characters in baked outfits, in the runtime: joints in, vertices out, a frame at a time (uvcloth.h)."""
+
+import ctypes
+import weakref
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvcloth.player.handles import MESSAGE_ROOM, pointer, read_outfit
+from uvcloth.player.library import library
+
+Joints = NDArray[np.float64]
+
+
+class Outfit:
+    """A baked outfit, which any number of characters may wear.
+
+    joints: J, the number of joints. garments: vertices of each, the innermost first.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        """Read what was baked. Raises ValueError with the runtime's sentence if it is damaged."""
+        self.handle = read_outfit(self, content, "uvc_read", "uvc_free")
+        core = library()
+        self.joints: int = core.uvc_joints(self.handle)
+        count = core.uvc_garments(self.handle)
+        self.garments = tuple(int(core.uvc_garment_vertices(self.handle, k)) for k in range(count))
+
+
+class Cloth:
+    """The cloth of one character."""
+
+    def __init__(self, outfit: Outfit) -> None:
+        """Make cloth that is nowhere before `start`."""
+        self.outfit = outfit
+        make = library().uvc_new
+        make.restype = ctypes.c_void_p
+        self._handle = ctypes.c_void_p(make(outfit.handle))
+        weakref.finalize(self, library().uvc_drop, self._handle)
+
+    def start(self, joints: Joints) -> None:
+        """Let cloth come to rest on the body in its first pose, and show the garments there.
+
+        joints: (J, 3, 4) transforms of the joints from the rest pose, without scale, m, z up.
+        Raises ValueError with the runtime's sentence for joints that are not finite, or not as many.
+        """
+        self._do(library().uvc_start, joints)
+
+    def step(self, joints: Joints, seconds: float) -> None:
+        """Move the cloth on to the pose of joints (J, 3, 4), so many seconds later.
+
+        Raises ValueError with the runtime's sentence for joints that are not finite, or not as many, a body
+        that is faster than 40 m/s, and cloth that flies apart; it stays as it was then.
+        """
+        self._do(library().uvc_step, joints, ctypes.c_double(seconds))
+
+    def vertices(self, garment: int) -> NDArray[np.float64]:
+        """Vertices (V, 3) m of a garment, in the world of the joints."""
+        found = np.empty((self.outfit.garments[garment], 3))
+        library().uvc_vertices(self._handle, garment, pointer(found))
+        return found
+
+    def _do(self, function: "ctypes._NamedFuncPointer", joints: Joints, *more: ctypes.c_double) -> None:
+        rows = np.ascontiguousarray(joints, np.float64)
+        if rows.shape != (self.outfit.joints, 3, 4):
+            raise ValueError(
+                f"transforms of {self.outfit.joints} joints (J, 3, 4) were expected, not {rows.shape}"
+            )
+        message = ctypes.create_string_buffer(MESSAGE_ROOM)
+        if not function(self._handle, pointer(rows), *more, message, ctypes.c_size_t(MESSAGE_ROOM)):
+            raise ValueError(message.value.decode())
