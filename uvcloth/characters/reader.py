@@ -10,12 +10,14 @@ import torch
 from torch import Tensor
 
 from uvcloth.errors import InputError
-from uvcloth.formats.gltf import SCENES, Gltf, one_line, read_gltf, require_few
-from uvcloth.formats.gltf_document import LARGEST
-from uvcloth.formats.gltf_rig import SkinJoints, chain, inverse_bind, read_rig, resting_worlds
+from uvcloth.formats.gltf import SCENES, Gltf, read_gltf, require_few
+from uvcloth.formats.gltf_rig import SkinJoints, inverse_bind, read_rig, resting_worlds
 from uvcloth.formats.vrm import spring_nodes
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.roles import table_roles
+from uvcloth.player.gltf_document import LARGEST
+from uvcloth.player.gltf_file import one_line
+from uvcloth.player.nodes import chain
 
 TRIANGLES = 4
 """Mode of a primitive that is made of separate triangles."""
