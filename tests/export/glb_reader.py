@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 KINDS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-DTYPES = {5126: np.float32, 5125: np.uint32, 5123: np.uint16}
+DTYPES = {5126: np.float32, 5125: np.uint32, 5123: np.uint16, 5121: np.uint8}
 
 Locals = dict[int, np.ndarray]
 

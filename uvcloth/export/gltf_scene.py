@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from uvcloth.export.animation import local_poses
-from uvcloth.export.glb import FLOAT, SHORT, VERTICES, Document
+from uvcloth.export.glb import BYTE, FLOAT, SHORT, VERTICES, Document
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
 
@@ -23,8 +23,9 @@ TO_Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float32)
 
 def add_influences(document: Document, joints: np.ndarray, weights: np.ndarray) -> dict[str, int]:
     """Add attributes that bind M vertices to the joints (M, 4) of a skin, with weights (M, 4)."""
+    kind = BYTE if joints.max(initial=0) < 256 else SHORT
     return {
-        "JOINTS_0": document.array(joints, "VEC4", SHORT, VERTICES),
+        "JOINTS_0": document.array(joints, "VEC4", kind, VERTICES),
         "WEIGHTS_0": document.array(weights, "VEC4", FLOAT, VERTICES),
     }
 

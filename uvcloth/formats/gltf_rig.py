@@ -40,6 +40,14 @@ class SkinJoints:
     bones: tuple[str, ...]
 
 
+def largest_skin(file: Gltf) -> dict[str, Any]:
+    """The skin of a file that has most joints, the first of several. Raises InputError if it has none."""
+    skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
+    if skin is None:
+        raise file.error("has no skin: its meshes are not bound to a skeleton, rig it first")
+    return skin
+
+
 def read_rig(file: Gltf, skin: dict[str, Any]) -> SkinJoints:
     """Read the joints of a skin and their bind pose; human bones of a VRM file that it lacks are joints too.
 

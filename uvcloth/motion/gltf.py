@@ -2,13 +2,12 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from uvcloth.errors import InputError
 from uvcloth.formats.gltf import Gltf, read_gltf
-from uvcloth.formats.gltf_rig import SkinJoints, read_rig
+from uvcloth.formats.gltf_rig import SkinJoints, largest_skin, read_rig
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.hierarchy import Hierarchy, to_clip
 from uvcloth.motion.roles import table_roles
@@ -38,7 +37,7 @@ def read_gltf_motion(path: Path, wanted: str | None = None) -> Clip:
     animation cannot be read.
     """
     file = read_gltf(path)
-    rig = read_rig(file, _largest_skin(file))
+    rig = read_rig(file, largest_skin(file))
     nodes = moving_nodes(file, rig.nodes)
     animation = choose_animation(file, animations_of(file, nodes), wanted)
     times, fps = frame_times(file, animation, len(nodes))
@@ -55,15 +54,8 @@ def animation_names(path: Path) -> list[str]:
     Raises InputError naming the file if it is not valid or has no skin.
     """
     file = read_gltf(path)
-    nodes = moving_nodes(file, _largest_skin(file)["joints"])
+    nodes = moving_nodes(file, largest_skin(file)["joints"])
     return [animation_name(animation) for animation in animations_of(file, nodes)]
-
-
-def _largest_skin(file: Gltf) -> dict[str, Any]:
-    skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
-    if skin is None:
-        raise InputError(f"{file.path}: has no skin, and therefore no skeleton to move")
-    return skin
 
 
 def _hierarchy(file: Gltf, rig: SkinJoints, transforms: np.ndarray, fps: float) -> Hierarchy:

@@ -110,10 +110,10 @@ def check_document(document: Any) -> None:
     """Raise ValueError naming the place ("nodes[3].mesh") and what was expected there."""
     if not isinstance(document, dict) or "asset" not in document:
         raise ValueError("not a glTF file, it has no asset")
-    _check(document["asset"], ASSET, "asset", document)
+    check_part(document["asset"], ASSET, "asset", document)
     if not document["asset"]["version"].startswith("2."):
         raise ValueError(f"is glTF {document['asset']['version']:.8}, expected 2.0")
-    _check(document, RULES, "", document)
+    check_part(document, RULES, "", document)
     for place, node in enumerate(document.get("nodes", [])):
         if not any(node.get("rotation", (1.0,))):
             raise ValueError(f"nodes[{place}].rotation: is 0, 0, 0, 0, expected a unit quaternion")
@@ -146,7 +146,8 @@ def parents_of(document: dict[str, Any]) -> dict[int, int]:
     return above
 
 
-def _check(value: Any, rule: Any, place: str, document: dict[str, Any]) -> None:
+def check_part(value: Any, rule: Any, place: str, document: dict[str, Any]) -> None:
+    """Raise ValueError naming the place for a part of a document that breaks a rule, as RULES has them."""
     match rule:
         case Index():
             _require(_is_count(value), place, value, f"an index of {rule.of}")
@@ -159,13 +160,13 @@ def _check(value: Any, rule: Any, place: str, document: dict[str, Any]) -> None:
         case Each():
             _require(isinstance(value, dict), place, value, "an object")
             for key, inner in value.items():
-                _check(inner, rule.rule, f"{place}.{key}", document)
+                check_part(inner, rule.rule, f"{place}.{key}", document)
         case dict():
             _require(isinstance(value, dict), place, value, "an object")
             for key, inner in rule.items():
                 needed = isinstance(inner, Needed)
                 if key in value:
-                    _check(
+                    check_part(
                         value[key], inner.rule if needed else inner, f"{place}.{key}".lstrip("."), document
                     )
                 elif needed:
@@ -173,7 +174,7 @@ def _check(value: Any, rule: Any, place: str, document: dict[str, Any]) -> None:
         case list():
             _require(isinstance(value, list), place, value, "a list")
             for index, inner in enumerate(value):
-                _check(inner, rule[0], f"{place}[{index}]", document)
+                check_part(inner, rule[0], f"{place}[{index}]", document)
         case str():
             _require(_is_count(value), place, value, rule)
         case _:
