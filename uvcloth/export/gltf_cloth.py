@@ -25,7 +25,7 @@ def add_own_body(document: Document, body: Body) -> ClothSkin:
     """Add a body of ours and its skeleton; garments share its skin."""
     first = len(document.nodes)
     skin, _ = add_skeleton(document, body.skeleton)
-    add_body(document, body, skin)
+    add_body(document, body, skin, compact=True)
     count = len(body.skeleton.names)
     axes = np.eye(4)
     axes[:3, :3] = TO_Y_UP.T
@@ -61,7 +61,7 @@ def add_cloth(document: Document, skin: ClothSkin, garments: Sequence[Garment], 
         mesh = replace(garment.mesh, vertices=vertices)
         source, primitives = add_surface(document, garment.name, mesh, color)
         joints, weights = strongest(garment.smooth_weights, GLTF_INFLUENCES)
-        influences = add_influences(document, joints[source], weights[source])
+        influences = add_influences(document, joints[source], weights[source], compact=True)
         for primitive in primitives:
             primitive["attributes"] |= influences
         node = document.mesh(garment.name, primitives, skin.skin)
