@@ -3,7 +3,6 @@
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -119,6 +118,8 @@ def test_other_files_are_refused(path: Path, change: Callable[[dict[str, Any]], 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"none\.glb: cannot be read \(No such file"):
         open_baked(tmp_path / "none.glb")
+    with pytest.raises(ValueError, match="no such file, this is a folder or a device"):
+        open_baked(tmp_path)
 
 
 def test_mutants_are_refused_or_played(path: Path) -> None:
@@ -138,9 +139,8 @@ def test_mutants_are_refused_or_played(path: Path) -> None:
             random.choice(GLB)(mutant, random)
         try:
             frames = played(mutant)
-        except ValueError as error:
+        except ValueError:
             refused += 1
-            assert str(error).strip(), number
         else:
             assert all(np.isfinite(frame).all() for frame in frames)
     assert refused > MUTANTS / 2
@@ -159,8 +159,7 @@ def test_the_player_needs_numpy_alone() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     named, seconds = done.stdout.splitlines()
-    with suppress(ValueError):
-        assert float(seconds) < 3.0  # 0.3 s on an idle machine.
+    assert float(seconds) < 3.0  # 0.2 s where nothing else runs.
     for heavy in ("torch", "scipy", "numba", "warp", "trimesh"):
         assert heavy not in named
     assert named.endswith("[]"), "a module outside uvcloth.player"

@@ -4,14 +4,17 @@ NumPy is enough for it, so that playing starts at once.
 """
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf_reopened import reopened
 from uvcloth.export.gltf_targets import add_frames, target_names
+from uvcloth.player.animation import sampled_channel
 from uvcloth.player.baked import EXTENSION, BakedFile, BakedGarment, JointMotion
 from uvcloth.player.gltf_file import GltfFile
+from uvcloth.player.nodes import REST
 
 FRAMES_AT_ONCE = 32
 """Frames that are computed at once."""
@@ -21,7 +24,7 @@ BINDING = ("JOINTS_", "WEIGHTS_")
 
 
 def played_document(baked: BakedFile, motion: JointMotion) -> tuple[Document, int]:
-    """Document of a baked file without its cloth, in one animation: the file's own, or as yet empty.
+    """Document of a baked file without its cloth, in one animation: the file's own, or one that is empty.
 
     Returns also the accessor of the times of the frames.
     """
@@ -32,10 +35,30 @@ def played_document(baked: BakedFile, motion: JointMotion) -> tuple[Document, in
     if names := [name for name in used if name != EXTENSION]:
         document.others["extensionsUsed"] = names
     document.animations = []
-    if motion.animation is not None:
-        document.samplers = list(motion.animation["samplers"])
-        document.channels = list(motion.animation["channels"])
-    return document, document.array(motion.times, "SCALAR", bounds=True)
+    time = document.array(motion.times - motion.times[0], "SCALAR", bounds=True)
+    for channel in () if motion.animation is None else motion.animation["channels"]:
+        _keep(document, baked.file, motion, channel, time)
+    return document, time
+
+
+def _keep(
+    document: Document, file: GltfFile, motion: JointMotion, channel: dict[str, Any], time: int
+) -> None:
+    """Keep a channel of the file's animation, sampled at the times of the frames.
+
+    Others than of a node's place are kept as they are, if the motion begins with the animation.
+    """
+    assert motion.animation is not None
+    node, path = channel["target"].get("node"), channel["target"]["path"]
+    if node is None:
+        return
+    if path in REST:
+        with np.errstate(all="ignore"):
+            values = sampled_channel(file, motion.animation, channel, motion.times)
+        document.animate(node, path, time, document.array(values, "VEC4" if path == "rotation" else "VEC3"))
+    elif motion.times[0] == 0.0:
+        document.samplers.append(motion.animation["samplers"][channel["sampler"]])
+        document.channels.append({**channel, "sampler": len(document.samplers) - 1})
 
 
 def add_played(document: Document, baked: BakedFile, time: int, garments: Sequence[np.ndarray]) -> None:

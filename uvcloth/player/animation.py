@@ -111,14 +111,19 @@ def _local(file: GltfFile, animation: dict[str, Any], index: int, times: np.ndar
     values = {path: np.tile(np.array(node.get(path, rest)), (len(times), 1)) for path, rest in REST.items()}
     for channel in animation["channels"]:
         if channel["target"].get("node") == index and channel["target"]["path"] in REST:
-            sampler = animation["samplers"][channel["sampler"]]
-            kind = "VEC4" if channel["target"]["path"] == "rotation" else "VEC3"
-            values[channel["target"]["path"]] = _sampled(file, sampler, kind, times)
+            values[channel["target"]["path"]] = sampled_channel(file, animation, channel, times)
     return compose(**values)
 
 
-def _sampled(file: GltfFile, sampler: dict[str, Any], kind: str, times: np.ndarray) -> np.ndarray:
-    """Values of a sampler at times (T,): (T, 3) or, unit quaternions, (T, 4)."""
+def sampled_channel(
+    file: GltfFile, animation: dict[str, Any], channel: dict[str, Any], times: np.ndarray
+) -> np.ndarray:
+    """Values of a channel of REST at times (T,), seconds: (T, 3) or, unit quaternions, (T, 4).
+
+    Raises ValueError naming the file if it is damaged.
+    """
+    sampler = animation["samplers"][channel["sampler"]]
+    kind = "VEC4" if channel["target"]["path"] == "rotation" else "VEC3"
     keys = _keys(file, sampler)
     values = file.array(sampler["output"], kind).astype(np.float64)
     if not len(keys):

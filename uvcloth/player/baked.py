@@ -150,10 +150,7 @@ class BakedFile:
 
 def open_baked(path: Path) -> BakedFile:
     """Open a baked file. Raises ValueError naming it, and the place, for one that is not whole or none."""
-    try:
-        file = read_glb(path)
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from error
+    file = read_glb(path)
     extension = _extension(file)
     garments = tuple(_garment(file, entry) for entry in extension["garments"])
     if not garments:

@@ -175,11 +175,19 @@ def one_line(name: Any) -> str:
 
 
 def read_glb(path: Path) -> GltfFile:
-    """Read a .glb. Raises ValueError naming the file, and the place, if it is not valid; and OSError."""
+    """Read a .glb.
+
+    Raises ValueError naming the file, and the place, if it is not valid, cannot be read, or is a device, which
+    might never end.
+    """
     path = Path(path)
     try:
+        if path.exists() and not path.is_file():
+            raise ValueError("no such file, this is a folder or a device")
         document, binary = parse_glb(path.read_bytes())
         return GltfFile(path, document, binary, parents_of(document))
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 
