@@ -1,5 +1,6 @@
 """Baked files: joints of an animation as the runtime has them, and files that are cut, changed or others."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from tests.export.glb_reader import GlbReader
 from tests.fuzz.glb_mutators import GLB
 from tests.player.baked_box import FPS, FRAMES, outfit, transforms, write_baked_box
 from tests.player.stand_in import StandInCloth, StandInOutfit
-from uvcloth.player.baked import EXTENSION, open_baked
+from uvcloth.player.baked import EXTENSION, SCHEMA, open_baked
 
 MUTANTS = 400
 
@@ -144,6 +145,13 @@ def test_mutants_are_refused_or_played(path: Path) -> None:
         else:
             assert all(np.isfinite(frame).all() for frame in frames)
     assert refused > MUTANTS / 2
+
+
+def test_the_page_has_every_entry_of_the_extension(path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs" / "runtime_file.md"
+    rows = re.findall(r"^\| `(\w+)` \|", page.read_text(encoding="utf-8"), re.MULTILINE)
+    assert set(rows) == {"version", *SCHEMA}
+    assert set(open_baked(path).file.document["extensions"][EXTENSION]) == set(rows)
 
 
 def test_the_player_needs_numpy_alone() -> None:
