@@ -6,15 +6,13 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from uvcloth.commands.options import MOTION, MotionFile
+from uvcloth.commands.options import EXTRAS, MOTION, MotionFile
 from uvcloth.errors import InputError
-from uvcloth.files.options import NewFile, Package, Source
+from uvcloth.files.options import NewFile, Source
 from uvcloth.motion.options import MotionOptions
 
 PLAYED = (".glb", ".usdc", ".usd", ".pc2", ".abc", ".obj", ".npz")
 """Suffixes of the files that are written."""
-
-ALEMBIC = Package("alembic3d", "writing Alembic needs alembic3d: install uvcloth[alembic]", (".abc",))
 
 
 @dataclass(frozen=True)
@@ -23,7 +21,7 @@ class Play:
 
     file: Positional[Annotated[Path, Source((".glb",))]]
     """A .glb that `uvcloth bake` wrote."""
-    out: Annotated[Path, NewFile(PLAYED, (ALEMBIC,))]
+    out: Annotated[Path, NewFile(PLAYED, EXTRAS)]
     """File to write. .glb: the character and its garments; .usdc, .abc, .pc2, .obj, .npz: the garments."""
     motion: Annotated[
         str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: of the file)"), MOTION

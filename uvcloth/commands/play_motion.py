@@ -37,7 +37,7 @@ def body_of_baked(baked: BakedFile) -> Body:
     it.
     """
     path, axes = baked.file.path, baked.skin.axes
-    own = {garment.name for garment in baked.garments}
+    cloth = {garment.name for garment in baked.garments}
     character, file = read_character(path), read_gltf(path)
     rig = read_rig(file, largest_skin(file))
     place = {node: index for index, node in enumerate(baked.skin.nodes)}
@@ -45,7 +45,7 @@ def body_of_baked(baked: BakedFile) -> Body:
         next((place[each] for each in (node, *chain(node, file.above)) if each in place), 0)
         for node in rig.nodes
     ]
-    parts = [part for part in character.parts if part.name not in own]
+    parts = [part for part in character.parts if part.name not in cloth]
     mesh = join_meshes((part.mesh.vertices, part.mesh.faces) for part in parts)
     weights = torch.zeros(len(mesh.vertices), len(place)).index_add(
         1, torch.tensor(above), torch.cat([part.weights for part in parts])

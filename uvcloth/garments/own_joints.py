@@ -20,7 +20,7 @@ def on_own_joints(outfit: Outfit, joints: OwnJoints) -> Outfit:
         count = len(joints.skeleton.names)
         return torch.zeros(len(weights), count).index_add(1, joints.mover, weights)
 
-    def moved(garment: Garment) -> Garment:
+    def rebound(garment: Garment) -> Garment:
         weights, smooth = merged(garment.weights), merged(garment.smooth_weights)
         return replace(garment, weights=weights, smooth_weights=smooth)
 
@@ -31,4 +31,4 @@ def on_own_joints(outfit: Outfit, joints: OwnJoints) -> Outfit:
         proxies={},
         appearance=None,
     )
-    return Outfit(body, tuple(map(moved, outfit.garments)))
+    return Outfit(body, tuple(map(rebound, outfit.garments)))

@@ -177,8 +177,8 @@ def one_line(name: Any) -> str:
 def read_glb(path: Path) -> GltfFile:
     """Read a .glb.
 
-    Raises ValueError naming the file, and the place, if it is not valid, cannot be read, or is a device, which
-    might never end.
+    Raises ValueError naming the file, and the place, if it is not valid, cannot be read, or is a device,
+    which might never end.
     """
     path = Path(path)
     try:
