@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 MANUAL = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 PAGES = [*MANUAL, ROOT / "CHANGELOG.md", *sorted((ROOT / "docs" / "reports").glob("*.md"))]
-TABLES = ("dependencies.md", "glossary.md")
+TABLES = ("dependencies.md", "glossary.md", "runtime_file.md")
 """Pages that are a table which a test compares with the code; they do not count as text of the manual."""
 
 OPENS_WITH_A_PICTURE = ("simulation", "physics", "physxnet", "motion_guided", "pbns", "deepsd")

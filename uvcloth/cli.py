@@ -11,6 +11,7 @@ from typing import Protocol
 
 from tyro.extras import subcommand_cli_from_dict
 
+from uvcloth.commands.bake import Bake
 from uvcloth.commands.body import MakeBody
 from uvcloth.commands.data import Data
 from uvcloth.commands.demo import Demo
@@ -20,6 +21,7 @@ from uvcloth.commands.log import printed_log
 from uvcloth.commands.maps import Maps
 from uvcloth.commands.motion import Motion
 from uvcloth.commands.outfits import Outfits
+from uvcloth.commands.play import Play
 from uvcloth.commands.poses import Poses
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.simulate import Simulate
@@ -61,6 +63,8 @@ COMMANDS: dict[str, Callable[..., Command]] = {
     "motion": Motion,
     "fit": Fit,
     "rollout": Rollout,
+    "bake": Bake,
+    "play": Play,
     "tryon": TryOn,
     "body": MakeBody,
     "simulate": Simulate,

@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 KINDS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-DTYPES = {5126: np.float32, 5125: np.uint32, 5123: np.uint16}
+DTYPES = {5126: np.float32, 5125: np.uint32, 5123: np.uint16, 5121: np.uint8}
 
 Locals = dict[int, np.ndarray]
 
@@ -39,7 +39,8 @@ class GlbReader:
         start = (view.byteOffset or 0) + (accessor.byteOffset or 0)
         count = accessor.count * KINDS[accessor.type]
         values = np.frombuffer(self.gltf.binary_blob(), DTYPES[accessor.componentType], count, start)
-        return values.reshape(accessor.count, -1).astype(np.float64)
+        largest = np.iinfo(values.dtype).max if accessor.normalized else 1
+        return values.reshape(accessor.count, -1).astype(np.float64) / largest
 
     def channels(self) -> dict[tuple[int, str], np.ndarray]:
         """(node, path) -> the values at all keys."""
@@ -71,8 +72,12 @@ class GlbReader:
             turn = animated.get((index, "rotation"))
             shift = animated.get((index, "translation"))
             matrix = np.eye(4)
+            if node.matrix is not None:
+                found[index] = np.array(node.matrix).reshape(4, 4).T
+                continue
             quaternion = turn[frame] if turn is not None else (node.rotation or [0, 0, 0, 1])
             matrix[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+            matrix[:3, :3] *= node.scale or [1, 1, 1]
             matrix[:3, 3] = shift[frame] if shift is not None else (node.translation or [0, 0, 0])
             found[index] = matrix
         return found

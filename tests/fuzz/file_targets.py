@@ -11,10 +11,12 @@ from tests.fuzz.glb_mutators import GLB
 from tests.fuzz.target import Target, require, require_indices, require_numbers
 from tests.garments.test_mhclo import HEAD, ROWS, written
 from tests.motion.bvh_text import bvh_text, performer, still
+from tests.player.baked_box import write_baked_box
 from tests.small_body import small_body
 from tests.small_gltf import PIXEL, document, sparse_document, write_glb, write_gltf
 from uvcloth.bodies.body import load_body
 from uvcloth.characters.reader import Character, read_character
+from uvcloth.errors import InputError
 from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.mhclo import Binding, fit_clothes
 from uvcloth.geometry.authored import AuthoredMesh, Labels
@@ -23,6 +25,7 @@ from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.gltf import read_gltf_motion
 from uvcloth.motion.library import load_clip
+from uvcloth.player.baked import JointMotion, open_baked
 
 
 def good_bvh(folder: Path) -> Path:
@@ -151,7 +154,26 @@ def check_character(character: Character) -> None:
         require_numbers(part.mesh.uvs, (-1, 2), "uvs")
 
 
+def good_baked(folder: Path) -> Path:
+    return write_baked_box(folder / "box.glb")
+
+
+def baked_motion(path: Path) -> JointMotion:
+    """Joints of a baked file's animation; the player, which has no InputError, says ValueError."""
+    try:
+        return open_baked(path).motion()
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
+def check_motion(motion: JointMotion) -> None:
+    frames, joints = motion.transforms.shape[:2]
+    require(frames == len(motion.times) > 1 and joints > 0, "no frames or no joints")
+    require_numbers(torch.from_numpy(motion.transforms), (frames, joints, 3, 4), "transforms", torch.float64)
+
+
 TARGETS = [
+    Target("baked", good_baked, baked_motion, check_motion, GLB),
     Target("bvh", good_bvh, read_bvh, check_clip),
     Target("bvh_on_body", good_bvh, on_our_body, check_on_body, share=0.25),
     Target("glb_motion", good_glb, read_gltf_motion, check_clip, GLB, share=0.5),

@@ -10,12 +10,14 @@ import torch
 from torch import Tensor
 
 from uvcloth.errors import InputError
-from uvcloth.formats.gltf import SCENES, Gltf, one_line, read_gltf, require_few
-from uvcloth.formats.gltf_document import LARGEST
-from uvcloth.formats.gltf_rig import SkinJoints, chain, inverse_bind, read_rig, resting_worlds
+from uvcloth.formats.gltf import SCENES, Gltf, read_gltf, require_few
+from uvcloth.formats.gltf_rig import SkinJoints, inverse_bind, largest_skin, read_rig, resting_worlds
 from uvcloth.formats.vrm import spring_nodes
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.roles import table_roles
+from uvcloth.player.gltf_document import LARGEST
+from uvcloth.player.gltf_file import one_line
+from uvcloth.player.nodes import chain
 
 TRIANGLES = 4
 """Mode of a primitive that is made of separate triangles."""
@@ -69,10 +71,7 @@ def read_character(path: Path) -> Character:
             f"{path}: expected a character as {', '.join(SCENES)}; see docs/characters.md to convert others"
         )
     file = read_gltf(path)
-    skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
-    if skin is None:
-        raise InputError(f"{file.path}: has no skin: its meshes are not bound to a skeleton, rig it first")
-    rig = read_rig(file, skin)
+    rig = read_rig(file, largest_skin(file))
     springs = spring_nodes(file)
     parts: list[Part] = []
     vertices = 0

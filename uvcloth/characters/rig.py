@@ -47,6 +47,9 @@ class RiggedCharacter:
     parts: with weights (V, J) of the skeleton's joints. roles: joint of the file by role. guessed: True where
     the names of the joints do not tell all roles, and their places decided. unit: the file's. turned: largest
     angle, degrees, by which a limb was turned to our rest pose.
+
+    axes: (3, 3) turn and scale from the file's scene to ours. rested: (J, 3, 4) from the bind pose to our
+    rest pose, of our joints. movers: J joints of the character that move ours.
     """
 
     name: str
@@ -56,6 +59,9 @@ class RiggedCharacter:
     guessed: bool
     unit: str
     turned: float
+    axes: Tensor
+    rested: Tensor
+    movers: tuple[int, ...]
 
 
 def rig_character(
@@ -105,6 +111,9 @@ def rig_character(
         guessed=guessed,
         unit=unit_name,
         turned=turned,
+        axes=turn * SIZES[unit_name],
+        rested=transforms[0],
+        movers=_movers(pattern.skeleton, roles, ours),
     )
 
 
@@ -212,6 +221,15 @@ def _owners(character: Character, roles: Mapping[str, int], ours: Mapping[str, i
         above = owners[parent] if parent >= 0 else ours["hips"]
         owners.append(ours[role_of[joint]] if joint in role_of else above)
     return torch.tensor(owners)
+
+
+def _movers(skeleton: Skeleton, roles: Mapping[str, int], ours: Mapping[str, int]) -> tuple[int, ...]:
+    """Joint of the character that moves each of our joints: by its role or its parent's."""
+    role_of = {joint: role for role, joint in ours.items()}
+    movers: list[int] = []
+    for joint, parent in enumerate(skeleton.parents):
+        movers.append(roles.get(role_of.get(joint, ""), movers[parent] if parent >= 0 else roles["hips"]))
+    return tuple(movers)
 
 
 def _posed(part: Part, turn: Tensor, owner: Tensor, joints: int, transforms: Tensor) -> Part:

@@ -13,12 +13,13 @@ from uvcloth.files.image import write_png
 from uvcloth.formats.gltf import SCENES
 from uvcloth.geometry.units import UNITS
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.gltf import animation_names, numbered
+from uvcloth.motion.gltf import animation_names
 from uvcloth.motion.library import MotionSource, clip_roles, load_source, motion_on_body, read_motion
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.retarget import leg_length
 from uvcloth.motion.roles import ROLES, joint_roles, naming_family
 from uvcloth.motion.stick_sheet import stick_sheet
+from uvcloth.player.animation import numbered
 
 UNIT_ERROR = 1.25
 """Factor by which a leg in one of the units may be longer or shorter than the body's."""

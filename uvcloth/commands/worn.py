@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from uvcloth.bodies.body import Body
+from uvcloth.commands.bake import Bake
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.tryon import TryOn
 from uvcloth.garments.fit import Fitting
@@ -17,7 +18,7 @@ from uvcloth.ready import ready_method
 
 
 def load_worn(
-    command: Rollout | TryOn, body: Body, report: Callable[[str], None], templates: Sequence[str] = ()
+    command: Rollout | TryOn | Bake, body: Body, report: Callable[[str], None], templates: Sequence[str] = ()
 ) -> Outfit:
     """The garments of a command on a body. templates: as `load_outfit` has them."""
     how = Fitting(command.garment_pose, from_body=command.from_body)

@@ -5,22 +5,33 @@ import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uvcloth.errors import InputError
-from uvcloth.render import Color
+
+if TYPE_CHECKING:
+    from uvcloth.render import Color
 
 MAX_FILE_BYTES = 2**32 - 1
-SHORT, INT, FLOAT = 5123, 5125, 5126
-COMPONENT_TYPES = {FLOAT: np.float32, INT: np.uint32, SHORT: np.uint16}
+BYTE, SHORT, INT, FLOAT = 5121, 5123, 5125, 5126
+COMPONENT_TYPES = {FLOAT: np.float32, INT: np.uint32, SHORT: np.uint16, BYTE: np.uint8}
 VERTICES, INDICES = 34962, 34963
+
+
+def index_type(count: int) -> int:
+    """Smallest type for indices of `count` vertices; the greatest number of a type is none."""
+    return SHORT if count < np.iinfo(np.uint16).max else INT
 
 
 @dataclass
 class Document:
-    """Document under construction: the JSON part, and functions that yield the bytes of the binary part."""
+    """Document under construction: the JSON part, and functions that yield the bytes of the binary part.
+
+    samplers, channels: of the animation that is written, before the `animations` that were there already.
+    others: entries of the top level besides those that are made here.
+    """
 
     accessors: list[dict[str, Any]] = field(default_factory=list)
     views: list[dict[str, Any]] = field(default_factory=list)
@@ -35,6 +46,8 @@ class Document:
     skins: list[dict[str, Any]] = field(default_factory=list)
     samplers: list[dict[str, Any]] = field(default_factory=list)
     channels: list[dict[str, Any]] = field(default_factory=list)
+    animations: list[dict[str, Any]] = field(default_factory=list)
+    others: dict[str, Any] = field(default_factory=dict)
 
     def view(
         self,
@@ -66,13 +79,28 @@ class Document:
     ) -> int:
         """Add an array and an accessor of it. Returns the accessor's index."""
         data = np.ascontiguousarray(values, COMPONENT_TYPES[component])
-        view = self.view(data.nbytes, lambda: iter([data]), target)
+        filled = np.zeros(-data.nbytes % 4, np.uint8)
+        view = self.view(data.nbytes + len(filled), lambda: iter([data, filled]), target)
+        self.views[view]["byteLength"] = data.nbytes
         accessor = {"bufferView": view, "componentType": component, "count": len(data), "type": kind}
         if bounds:
             rows = data.reshape(len(data), -1)
             accessor |= {"min": rows.min(0).tolist(), "max": rows.max(0).tolist()}
         self.accessors.append(accessor)
         return len(self.accessors) - 1
+
+    def content(self, content: bytes) -> int:
+        """Add bytes as they are. Returns the index of their view."""
+        padded = np.frombuffer(content + b"\0" * (-len(content) % 4), np.uint8)
+        view = self.view(len(padded), lambda: iter([padded]))
+        self.views[view]["byteLength"] = len(content)
+        return view
+
+    def extend(self, name: str, extension: dict[str, Any]) -> None:
+        """Add an extension, which readers may ignore, at the top level."""
+        self.others["extensions"] = self.others.get("extensions", {}) | {name: extension}
+        used = self.others.get("extensionsUsed", [])
+        self.others["extensionsUsed"] = [*(each for each in used if each != name), name]
 
     def mesh(
         self, name: str, primitives: list[dict[str, Any]], skin: int | None = None, **others: Any
@@ -90,7 +118,7 @@ class Document:
         self.channels.append({"sampler": len(self.samplers) - 1, "target": {"node": node, "path": path}})
 
     def material(
-        self, name: str, color: Color, opacity: float = 1.0, texture: dict[str, int] | None = None
+        self, name: str, color: "Color", opacity: float = 1.0, texture: dict[str, int] | None = None
     ) -> int:
         """Add a rough, non-metallic material of one sRGB colour, which multiplies the texture if any.
 
@@ -110,17 +138,15 @@ class Document:
 
     def texture(self, name: str, kind: str, content: bytes) -> int:
         """Add a texture of a picture file's bytes; kind: its MIME type. Returns its index."""
-        padded = np.frombuffer(content + b"\0" * (-len(content) % 4), np.uint8)
-        view = self.view(len(padded), lambda: iter([padded]))
-        self.views[view]["byteLength"] = len(content)
-        self.images.append({"name": name, "mimeType": kind, "bufferView": view})
+        self.images.append({"name": name, "mimeType": kind, "bufferView": self.content(content)})
         self.textures.append({"source": len(self.images) - 1})
         return len(self.textures) - 1
 
     def write(self, path: Path) -> None:
         """Write the file. Raises InputError if it would exceed the 4 GiB that the format can hold."""
         document: dict[str, Any] = {
-            "asset": {"version": "2.0", "generator": "uvcloth"},
+            **self.others,
+            "asset": {**self.others.get("asset", {}), "version": "2.0", "generator": "uvcloth"},
             "scene": 0,
             "scenes": [{"nodes": self.roots}],
             "nodes": self.nodes,
@@ -132,9 +158,9 @@ class Document:
         }
         if self.images:
             document |= {"images": self.images, "textures": self.textures}
-        if self.channels:
-            motion = {"name": path.stem, "samplers": self.samplers, "channels": self.channels}
-            document["animations"] = [motion]
+        motion = {"name": path.stem, "samplers": self.samplers, "channels": self.channels}
+        if animations := [*([motion] if self.channels else []), *self.animations]:
+            document["animations"] = animations
         if self.skins:
             document["skins"] = self.skins
         text = json.dumps(document, separators=(",", ":")).encode()

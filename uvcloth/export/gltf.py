@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from uvcloth.export.animation import Animation
-from uvcloth.export.glb import FLOAT, VERTICES, Document
+from uvcloth.export.glb import Document
 from uvcloth.export.gltf_body import add_body
 from uvcloth.export.gltf_scene import (
     TO_Y_UP,
@@ -19,6 +19,7 @@ from uvcloth.export.gltf_scene import (
     unit_normals,
 )
 from uvcloth.export.gltf_surface import add_surface
+from uvcloth.export.gltf_targets import add_frames, target_names
 from uvcloth.render import GARMENT_COLORS
 
 
@@ -53,38 +54,7 @@ def _add_garment(document: Document, animation: Animation, index: int, time: int
             turned = unit_normals(np.array(vertices[frames]), mesh) - base_normals
             yield turned[:, source] @ TO_Y_UP.T
 
-    size = len(source) * 12
-    positions = document.view(len(animation) * size, deltas, VERTICES, stride=12)
-    normals = document.view(len(animation) * size, normal_deltas, VERTICES, stride=12)
-    low = np.concatenate([chunk.min(1) for chunk in deltas()]).tolist()
-    high = np.concatenate([chunk.max(1) for chunk in deltas()]).tolist()
-    shared = {"componentType": FLOAT, "count": len(source), "type": "VEC3"}
-    targets = []
-    for frame in range(len(animation)):
-        at = {**shared, "byteOffset": frame * size}
-        document.accessors.append({**at, "bufferView": positions, "min": low[frame], "max": high[frame]})
-        document.accessors.append({**at, "bufferView": normals})
-        last = len(document.accessors) - 1
-        targets.append({"POSITION": last - 1, "NORMAL": last})
-
-    for primitive in primitives:
-        primitive["targets"] = targets
-
-    def weights() -> Iterator[np.ndarray]:
-        for frames in animation.chunks():
-            yield np.eye(frames.stop - frames.start, len(animation), frames.start, dtype=np.float32)
-
-    document.accessors.append(
-        {
-            "bufferView": document.view(4 * len(animation) ** 2, weights),
-            "componentType": FLOAT,
-            "count": len(animation) ** 2,
-            "type": "SCALAR",
-        }
-    )
-    output = len(document.accessors) - 1
-    # Blender and others take the names of shape keys from here.
-    names = [f"frame_{frame:05d}" for frame in range(len(animation))]
-    extras = {"source_vertices": source.tolist(), "targetNames": names}
+    output = add_frames(document, primitives, len(animation), len(source), deltas, normal_deltas)
+    extras = {"source_vertices": source.tolist(), "targetNames": target_names(len(animation))}
     node = document.mesh(name, primitives, weights=[0.0] * len(animation), extras=extras)
     document.animate(node, "weights", time, output)

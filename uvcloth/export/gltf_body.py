@@ -8,11 +8,15 @@ from uvcloth.geometry.skinning import strongest
 from uvcloth.render import BODY_COLOR
 
 
-def add_body(document: Document, body: Body, skin: int) -> None:
-    """Add the skinned body, with the four strongest influences of each vertex."""
+def add_body(document: Document, body: Body, skin: int, compact: bool = False) -> None:
+    """Add the skinned body, with the four strongest influences of each vertex.
+
+    compact: weights as in `add_influences`, and no list of the source vertices.
+    """
     source, primitives = add_surface(document, "body", body.mesh, BODY_COLOR)
     joints, weights = strongest(body.weights, GLTF_INFLUENCES)
-    influences = add_influences(document, joints[source], weights[source])
+    influences = add_influences(document, joints[source], weights[source], compact)
     for primitive in primitives:
         primitive["attributes"] |= influences
-    document.mesh("body", primitives, skin, extras={"source_vertices": source.tolist()})
+    extras = {} if compact else {"extras": {"source_vertices": source.tolist()}}
+    document.mesh("body", primitives, skin, **extras)

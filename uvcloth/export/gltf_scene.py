@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from uvcloth.export.animation import local_poses
-from uvcloth.export.glb import FLOAT, SHORT, VERTICES, Document
+from uvcloth.export.glb import BYTE, FLOAT, SHORT, VERTICES, Document
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
 
@@ -21,12 +21,23 @@ GLTF_INFLUENCES = 4
 TO_Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float32)
 
 
-def add_influences(document: Document, joints: np.ndarray, weights: np.ndarray) -> dict[str, int]:
-    """Add attributes that bind M vertices to the joints (M, 4) of a skin, with weights (M, 4)."""
-    return {
-        "JOINTS_0": document.array(joints, "VEC4", SHORT, VERTICES),
-        "WEIGHTS_0": document.array(weights, "VEC4", FLOAT, VERTICES),
-    }
+def add_influences(
+    document: Document, joints: np.ndarray, weights: np.ndarray, compact: bool = False
+) -> dict[str, int]:
+    """Add attributes that bind M vertices to the joints (M, 4) of a skin, with weights (M, 4).
+
+    compact: weights as 65535ths, in half the bytes; the strongest takes what the sum lacks.
+    """
+    kind = BYTE if joints.max(initial=0) < 256 else SHORT
+    bound = {"JOINTS_0": document.array(joints, "VEC4", kind, VERTICES)}
+    if not compact:
+        return {**bound, "WEIGHTS_0": document.array(weights, "VEC4", FLOAT, VERTICES)}
+    whole = np.iinfo(np.uint16).max
+    shares = np.round(weights * whole).astype(np.int64)
+    shares[np.arange(len(shares)), shares.argmax(1)] += whole - shares.sum(1)
+    bound["WEIGHTS_0"] = document.array(shares, "VEC4", SHORT, VERTICES)
+    document.accessors[-1]["normalized"] = True
+    return bound
 
 
 def add_skeleton(document: Document, skeleton: Skeleton) -> tuple[int, int]:

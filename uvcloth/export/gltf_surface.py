@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from uvcloth.export.glb import FLOAT, INDICES, INT, VERTICES, Document
+from uvcloth.export.glb import FLOAT, INDICES, VERTICES, Document, index_type
 from uvcloth.export.gltf_scene import TO_Y_UP, split_corners, unit_normals
 from uvcloth.geometry.authored import SurfaceMaterial, polygons_of
 from uvcloth.geometry.mesh import Mesh
@@ -51,7 +51,7 @@ def add_surface(
             if index < 0
             else _add_material(document, polygons.materials[index])
         )
-        indices = document.array(faces.reshape(-1), "SCALAR", INT, INDICES)
+        indices = document.array(faces.reshape(-1), "SCALAR", index_type(len(source)), INDICES)
         primitives.append({"attributes": attributes, "indices": indices, "material": material})
     return source, primitives
 

@@ -10,11 +10,13 @@ import numpy as np
 import torch
 
 from uvcloth.errors import InputError
-from uvcloth.formats.gltf import Gltf, decode_data, one_line, read_gltf, require_few
-from uvcloth.formats.gltf_rig import local_transform, read_rig
+from uvcloth.formats.gltf import Gltf, decode_data, read_gltf, require_few
+from uvcloth.formats.gltf_rig import read_rig
 from uvcloth.formats.materials import Pictures
 from uvcloth.formats.size import refuse_too_many
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, Texture, UvSet
+from uvcloth.player.gltf_file import one_line
+from uvcloth.player.nodes import local_transform
 
 SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
 

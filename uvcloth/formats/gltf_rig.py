@@ -8,19 +8,18 @@ from typing import Any
 import numpy as np
 
 from uvcloth.errors import InputError
-from uvcloth.formats.gltf import Gltf, one_line
-from uvcloth.formats.gltf_document import LARGEST
+from uvcloth.formats.gltf import Gltf
 from uvcloth.formats.vrm import human_bones
 from uvcloth.geometry.skeleton import check_joints
+from uvcloth.player.gltf_document import LARGEST
+from uvcloth.player.gltf_file import one_line
+from uvcloth.player.nodes import chain, local_transform, parents_first, worlds
 
 FLAT = 1e-6
 """Relative volume of the transformed unit cube below which a transform counts as flat."""
 
 AFFINE = 1e-3
 """Largest difference of the last row of a transform from 0, 0, 0, 1."""
-
-REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
-"""Transform of a node that gives none, by the format."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +38,14 @@ class SkinJoints:
     bind: np.ndarray
     placing: np.ndarray
     bones: tuple[str, ...]
+
+
+def largest_skin(file: Gltf) -> dict[str, Any]:
+    """The skin of a file that has most joints, the first of several. Raises InputError if it has none."""
+    skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
+    if skin is None:
+        raise file.error("has no skin: its meshes are not bound to a skeleton, rig it first")
+    return skin
 
 
 def read_rig(file: Gltf, skin: dict[str, Any]) -> SkinJoints:
@@ -121,20 +128,6 @@ def _require_solid(file: Gltf, names: Sequence[str], transforms: np.ndarray) -> 
         )
 
 
-def chain(node: int, above: dict[int, int]) -> list[int]:
-    """Ancestors of a node, the nearest first."""
-    nodes: list[int] = []
-    while node in above:
-        node = above[node]
-        nodes.append(node)
-    return nodes
-
-
-def parents_first(nodes: Iterable[int], above: dict[int, int]) -> list[int]:
-    """The nodes in an order in which every parent comes before its children."""
-    return sorted(nodes, key=lambda node: [*reversed(chain(node, above)), node])
-
-
 def resting_worlds(file: Gltf, nodes: Iterable[int]) -> dict[int, np.ndarray]:
     """World transforms (4, 4) of nodes, and of their ancestors, without the file's animations."""
     above = file.above
@@ -143,46 +136,6 @@ def resting_worlds(file: Gltf, nodes: Iterable[int]) -> dict[int, np.ndarray]:
         wanted |= set(chain(node, above))
     order = parents_first(wanted, above)
     return worlds(order, above, {node: local_transform(file.entries("nodes")[node]) for node in order})
-
-
-def worlds(order: list[int], above: dict[int, int], local: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-    """World transforms (..., 4, 4) by node, of nodes in an order of parents first."""
-    world: dict[int, np.ndarray] = {}
-    for node in order:
-        world[node] = world[above[node]] @ local[node] if node in above else local[node]
-    return world
-
-
-def local_transform(node: dict[str, Any]) -> np.ndarray:
-    """Transform (4, 4) of a node relative to its parent."""
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    values = {path: np.array(node.get(path, rest), dtype=np.float64) for path, rest in REST.items()}
-    return compose(**values)
-
-
-def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Transforms (..., 4, 4) of shifts (..., 3), unit quaternions (..., 4) x, y, z, w and scales (..., 3)."""
-    local = np.zeros((*translation.shape[:-1], 4, 4))
-    local[..., :3, :3] = _turns(rotation) * scale[..., None, :]
-    local[..., :3, 3] = translation
-    local[..., 3, 3] = 1.0
-    return local
-
-
-def _turns(quaternions: np.ndarray) -> np.ndarray:
-    """Rotations (..., 3, 3) of quaternions (..., 4) x, y, z, w of any length above zero.
-
-    In numpy: files have thousands of nodes, which a tensor each would make slow.
-    """
-    q = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
-    (x, y, z), w = np.moveaxis(q[..., :3], -1, 0), q[..., 3]
-    rows = [
-        *(1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-        *(2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-        *(2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-    ]
-    return np.stack(rows, axis=-1).reshape(*q.shape[:-1], 3, 3)
 
 
 def _nearest_axes(rotation: np.ndarray) -> np.ndarray:

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from uvcloth.errors import InputError, cause
 from uvcloth.files.reading import read_content
 from uvcloth.formats.gltf import SCENES
-from uvcloth.formats.gltf_document import LARGEST
 from uvcloth.formats.gltf_mesh import read_gltf_mesh
 from uvcloth.formats.obj import read_obj
 from uvcloth.formats.size import refuse_large_file, refuse_too_many
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.player.gltf_document import LARGEST
 
 EXTENSIONS = (".obj", ".ply", ".glb", ".gltf", ".fbx", ".stl", ".off")
 

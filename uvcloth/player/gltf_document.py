@@ -6,8 +6,6 @@ Only what readers here use is checked: kinds of values, indices of other entries
 from dataclasses import dataclass
 from typing import Any
 
-from uvcloth.errors import InputError
-
 DEEPEST = 1000
 """Limit for the ancestors of a node."""
 
@@ -109,32 +107,32 @@ RULES = {
 
 
 def check_document(document: Any) -> None:
-    """Raise InputError naming the place ("nodes[3].mesh") and what was expected there."""
+    """Raise ValueError naming the place ("nodes[3].mesh") and what was expected there."""
     if not isinstance(document, dict) or "asset" not in document:
-        raise InputError("not a glTF file, it has no asset")
-    _check(document["asset"], ASSET, "asset", document)
+        raise ValueError("not a glTF file, it has no asset")
+    check_part(document["asset"], ASSET, "asset", document)
     if not document["asset"]["version"].startswith("2."):
-        raise InputError(f"is glTF {document['asset']['version']:.8}, expected 2.0")
-    _check(document, RULES, "", document)
+        raise ValueError(f"is glTF {document['asset']['version']:.8}, expected 2.0")
+    check_part(document, RULES, "", document)
     for place, node in enumerate(document.get("nodes", [])):
         if not any(node.get("rotation", (1.0,))):
-            raise InputError(f"nodes[{place}].rotation: is 0, 0, 0, 0, expected a unit quaternion")
+            raise ValueError(f"nodes[{place}].rotation: is 0, 0, 0, 0, expected a unit quaternion")
     for place, animation in enumerate(document.get("animations", [])):
         for number, channel in enumerate(animation["channels"]):
             if channel["sampler"] >= len(animation["samplers"]):
-                raise InputError(f"animations[{place}].channels[{number}].sampler: there is no such sampler")
+                raise ValueError(f"animations[{place}].channels[{number}].sampler: there is no such sampler")
     for place, skin in enumerate(document.get("skins", [])):
         if not skin["joints"] or len(set(skin["joints"])) < len(skin["joints"]):
-            raise InputError(f"skins[{place}].joints: expected one joint or more, each once")
+            raise ValueError(f"skins[{place}].joints: expected one joint or more, each once")
 
 
 def parents_of(document: dict[str, Any]) -> dict[int, int]:
-    """Parent of every node that has one. Raises InputError for nodes that are no trees, or too deep."""
+    """Parent of every node that has one. Raises ValueError for nodes that are no trees, or too deep."""
     above: dict[int, int] = {}
     for index, node in enumerate(document.get("nodes", [])):
         for child in node.get("children", []):
             if above.setdefault(child, index) != index or child == index:
-                raise InputError(f"nodes[{child}] is the child of two nodes")
+                raise ValueError(f"nodes[{child}] is the child of two nodes")
     depth: dict[int, int] = {}
     for index in range(len(document.get("nodes", []))):
         way = [index]
@@ -144,11 +142,12 @@ def parents_of(document: dict[str, Any]) -> dict[int, int]:
         for steps, node in enumerate(reversed(way)):
             depth[node] = known + steps
         if depth[index] >= DEEPEST:
-            raise InputError(f"nodes[{index}] is its own ancestor or has more than {DEEPEST} ancestors")
+            raise ValueError(f"nodes[{index}] is its own ancestor or has more than {DEEPEST} ancestors")
     return above
 
 
-def _check(value: Any, rule: Any, place: str, document: dict[str, Any]) -> None:
+def check_part(value: Any, rule: Any, place: str, document: dict[str, Any]) -> None:
+    """Raise ValueError naming the place for a part of a document that breaks a rule, as RULES has them."""
     match rule:
         case Index():
             _require(_is_count(value), place, value, f"an index of {rule.of}")
@@ -161,21 +160,21 @@ def _check(value: Any, rule: Any, place: str, document: dict[str, Any]) -> None:
         case Each():
             _require(isinstance(value, dict), place, value, "an object")
             for key, inner in value.items():
-                _check(inner, rule.rule, f"{place}.{key}", document)
+                check_part(inner, rule.rule, f"{place}.{key}", document)
         case dict():
             _require(isinstance(value, dict), place, value, "an object")
             for key, inner in rule.items():
                 needed = isinstance(inner, Needed)
                 if key in value:
-                    _check(
+                    check_part(
                         value[key], inner.rule if needed else inner, f"{place}.{key}".lstrip("."), document
                     )
                 elif needed:
-                    raise InputError(f"{place or 'the file'} has no {key}")
+                    raise ValueError(f"{place or 'the file'} has no {key}")
         case list():
             _require(isinstance(value, list), place, value, "a list")
             for index, inner in enumerate(value):
-                _check(inner, rule[0], f"{place}[{index}]", document)
+                check_part(inner, rule[0], f"{place}[{index}]", document)
         case str():
             _require(_is_count(value), place, value, rule)
         case _:
@@ -184,7 +183,7 @@ def _check(value: Any, rule: Any, place: str, document: dict[str, Any]) -> None:
 
 def _require(right: bool, place: str, value: Any, expected: str) -> None:
     if not right:
-        raise InputError(f"{place} is {str(value)[:40]}, expected {expected}")
+        raise ValueError(f"{place} is {str(value)[:40]}, expected {expected}")
 
 
 def _is_count(value: Any) -> bool:

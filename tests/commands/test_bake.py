@@ -1,0 +1,260 @@
+"""`uvcloth bake` and `uvcloth play` with a runtime that only skins: what is written, shown and played."""
+
+import json
+import struct
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from tests.characters.made_up import rewritten, t_posed, write_character
+from tests.characters.test_characters import pieces
+from tests.export.glb_reader import GlbReader
+from tests.player.baked_box import write_baked_box
+from tests.player.stand_in import StandInCloth, StandInOutfit, bake_outfit
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.posing import posed_skin
+from uvcloth.characters.body import body_from_character
+from uvcloth.commands.bake import Bake
+from uvcloth.commands.bake_file import bake
+from uvcloth.commands.play import Play
+from uvcloth.errors import InputError
+from uvcloth.export.animation import load_animation
+from uvcloth.garments.loading import load_outfit
+from uvcloth.geometry.skinning import skin, strongest
+from uvcloth.motion.library import load_clip
+from uvcloth.motion.options import MotionOptions
+from uvcloth.physics.surface import BodySurface
+from uvcloth.player.baked import EXTENSION, open_baked
+
+SOME = MotionOptions(frames="20:32")
+MILLIMETRE = 1e-3
+
+
+@pytest.fixture(autouse=True)
+def runtime(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stand-in instead of the runtime."""
+    module = ModuleType("uvcloth.player.outfit")
+    module.__dict__.update(Outfit=StandInOutfit, Cloth=StandInCloth)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.delitem(sys.modules, "uvcloth.commands.play_file", raising=False)
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dress on the body of the package, which walks."""
+    path = tmp_path_factory.mktemp("baked") / "dress.glb"
+    bake(Bake(("dress",), path, motion="walk", options=SOME), bake_outfit)
+    return path
+
+
+@pytest.fixture(scope="module")
+def character(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A character in centimetres, Z up, with its arms raised and joints of other names."""
+    path = tmp_path_factory.mktemp("character") / "hero.glb"
+    write_character(path, t_posed(body), pieces(body)[:2])
+    return path
+
+
+@pytest.fixture(scope="module")
+def hero(character: Path) -> Path:
+    """The character in two garments, walking."""
+    path = character.with_name("baked.glb")
+    bake(Bake(("bottoms", "tops"), path, body=character, motion="walk", options=SOME), bake_outfit)
+    return path
+
+
+def document_of(path: Path) -> dict[str, Any]:
+    content = path.read_bytes()
+    (length,) = struct.unpack_from("<I", content, 12)
+    return dict(json.loads(content[20 : 20 + length]))
+
+
+def test_any_viewer_opens_the_file(own: Path, body: Body) -> None:
+    assert own.stat().st_size < 1.3e6
+    scene = trimesh.load(own, process=False)
+    assert {"body", "dress"} <= set(scene.geometry)
+    glb = GlbReader.load(own)
+    assert glb.gltf.extensionsUsed == [EXTENSION]
+    assert not glb.gltf.extensionsRequired
+    rest = glb.posed("body", None)[: len(body.mesh.vertices)]
+    np.testing.assert_allclose(rest, body.mesh.vertices.numpy(), atol=0.05 * MILLIMETRE)
+    clip = load_clip("walk", body, SOME)
+    expected = posed_skin(body, clip.transforms())
+    for frame in (0, 7):
+        gap = np.linalg.norm(glb.posed("body", frame)[: len(rest)] - expected[frame].numpy(), axis=1)
+        assert gap.mean() < 0.2 * MILLIMETRE  # Of the body's seven influences four are left.
+
+
+def test_viewers_skin_the_garment_smoothly(own: Path, body: Body) -> None:
+    (dress,) = load_outfit(("dress",), body)
+    clip, glb, baked = load_clip("walk", body, SOME), GlbReader.load(own), open_baked(own)
+    joints, weights = (torch.from_numpy(each) for each in strongest(dress.smooth_weights, 4))
+    kept = torch.zeros_like(dress.smooth_weights).scatter_add(1, joints, weights)
+    expected = skin(dress.mesh.vertices, kept, clip.transforms()).numpy()
+    (garment,) = baked.garments
+    assert garment.size == len(dress.mesh.vertices)
+    for frame in (0, 7):
+        gap = glb.posed("dress", frame) - expected[frame][garment.vertices]
+        assert np.abs(gap).max() < 0.05 * MILLIMETRE
+
+
+def test_the_runtime_gets_the_joints_of_the_motion(own: Path, body: Body) -> None:
+    baked = open_baked(own)
+    assert baked.skin.names == body.skeleton.names
+    clip = load_clip("walk", body, SOME)
+    np.testing.assert_allclose(baked.motion().transforms, clip.transforms(torch.float64).numpy(), atol=5e-6)
+
+
+def test_a_character_keeps_its_file(character: Path, hero: Path) -> None:
+    before, after = document_of(character), document_of(hero)
+    for name in ("meshes", "materials", "skins", "nodes"):
+        assert after[name][: len(before[name])] == before[name]
+    kept = GlbReader.load(character).read(0)
+    np.testing.assert_array_equal(GlbReader.load(hero).read(0), kept)
+
+
+def test_a_character_moves_its_own_joints(character: Path, hero: Path, body: Body) -> None:
+    made = body_from_character(character, body).body
+    clip, glb, baked = load_clip("walk", made, SOME), GlbReader.load(hero), open_baked(hero)
+    names = [glb.gltf.nodes[node].name for node in baked.skin.nodes]
+    assert names[0] == "mixamorig:Hips"
+    assert baked.skin.names[0] == "Hips"
+    assert len(set(names)) == len(names) < len(body.skeleton.names)
+    moved = clip.transforms(torch.float64).numpy()[
+        :, [made.skeleton.names.index(name) for name in baked.skin.names]
+    ]
+    np.testing.assert_allclose(baked.motion(fps=30.0).transforms, moved, atol=2e-5)
+    # The surface that cloth collides with lies on the character's own, wherever that is posed.
+    for frame in (0, 7):
+        surface = BodySurface(posed_skin(made, clip.transforms())[frame], made.mesh.faces)
+        shown = torch.from_numpy(glb.posed("Body", frame)).float()
+        off = surface.closest(shown).signed_distance.abs()
+        assert float(off.median()) < 2 * MILLIMETRE
+        assert float(off.quantile(0.95)) < 10 * MILLIMETRE
+
+
+def test_garments_of_a_character_lie_on_it(hero: Path) -> None:
+    glb, baked = GlbReader.load(hero), open_baked(hero)
+    assert [garment.name for garment in baked.garments] == ["bottoms", "tops"]
+    outfit, motion = StandInOutfit(baked.content), baked.motion(fps=30.0)
+    baked.require_fit(outfit.joints, outfit.garments)
+    cloth = StandInCloth(outfit)
+    cloth.start(motion.transforms[7])
+    for index, garment in enumerate(baked.garments):
+        gap = glb.posed(garment.name, 7) - cloth.vertices(index)[garment.vertices]
+        # Rigid pieces and smooth skinning differ where joints meet.
+        assert np.quantile(np.linalg.norm(gap, axis=1), 0.5) < 5 * MILLIMETRE
+
+
+@pytest.mark.parametrize("moved_by", ["its own animation", "another motion"])
+def test_what_is_played_is_what_the_runtime_says(
+    own: Path, hero: Path, tmp_path: Path, moved_by: str
+) -> None:
+    from uvcloth.commands.play_file import play
+
+    motion = None if moved_by == "its own animation" else "kick"
+    options = MotionOptions(frames="0:9")
+    for path in (own, hero):
+        played = play(Play(path, tmp_path / "out.glb", motion, options))
+        assert played.written == (tmp_path / "out.glb",)
+        glb, baked = GlbReader.load(tmp_path / "out.glb"), open_baked(path)
+        assert not glb.gltf.extensionsUsed
+        assert len(glb.gltf.animations) == 1
+        arrays = play(Play(path, tmp_path / "out.npz", motion, options))
+        animation = load_animation(*arrays.written)
+        assert played.frames == len(animation.vertices[0]) == 9
+        for index, garment in enumerate(baked.garments):
+            for frame in (0, 8):
+                seen = glb.morphed(garment.name, glb.weights(garment.name, frame))
+                expected = animation.vertices[index][frame][garment.vertices]
+                np.testing.assert_allclose(seen, baked.in_scene(expected), atol=1e-5)
+                normals = glb.morphed(garment.name, glb.weights(garment.name, frame), "NORMAL")
+                np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-3)
+        if motion is None:
+            for frame in (0, 8):
+                body = "body" if path == own else "Body"
+                expected = GlbReader.load(path).posed(body, frame)
+                np.testing.assert_allclose(glb.posed(body, frame), expected, atol=1e-5)
+        np.testing.assert_allclose(glb.times(), np.arange(9) / 30.0, atol=1e-6)
+
+
+def test_another_motion_is_retargeted_as_on_the_body(hero: Path, character: Path, body: Body) -> None:
+    from uvcloth.commands.play_motion import retargeted
+
+    made = body_from_character(character, body).body
+    baked = open_baked(hero)
+    motion, clip = retargeted(baked, "kick", SOME), load_clip("kick", made, SOME)
+    rows = [made.skeleton.names.index(name) for name in baked.skin.names]
+    expected = clip.transforms(torch.float64).numpy()[:, rows]
+    # The floor is found by the surface, which the file does not have.
+    rise = (motion.transforms - expected)[..., 2, 3].mean()
+    assert abs(rise) < 5 * MILLIMETRE
+    expected[..., 2, 3] += rise
+    np.testing.assert_allclose(motion.transforms, expected, atol=2e-3)
+
+
+def test_playing_needs_no_torch(tmp_path: Path) -> None:
+    path = write_baked_box(tmp_path / "box.glb")
+    code = (
+        "import sys; from types import ModuleType\n"
+        "from tests.player.stand_in import StandInCloth, StandInOutfit\n"
+        "module = ModuleType('uvcloth.player.outfit'); sys.modules[module.__name__] = module\n"
+        "module.Outfit, module.Cloth = StandInOutfit, StandInCloth\n"
+        "from uvcloth import cli\n"
+        f"sys.argv = ['uvcloth', 'play', {str(path)!r}, '--out', {str(tmp_path / 'out.glb')!r}]\n"
+        "assert cli.main() == 0\n"
+        "print([name for name in ('torch', 'scipy', 'numba', 'warp', 'trimesh') if name in sys.modules])"
+    )
+    root = Path(__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=root)
+    assert done.stdout.splitlines()[-1] == "[]"
+    assert GlbReader.load(tmp_path / "out.glb").mesh("coat").weights == [0.0] * 16
+
+
+def no_cloth(written: dict[str, Any]) -> None:
+    del written["extensions"]
+
+
+def other_cloth(written: dict[str, Any]) -> None:
+    written["extensions"][EXTENSION]["bufferView"] = 0
+
+
+def test_what_cannot_be_played_says_why_and_leaves_nothing(tmp_path: Path) -> None:
+    from uvcloth.commands.play_file import play
+
+    box, out = tmp_path / "box.glb", tmp_path / "out.glb"
+    write_baked_box(box, moves=False)
+    with pytest.raises(InputError, match=r"box\.glb: has no animation of its skeleton"):
+        play(Play(box, out))
+    with pytest.raises(InputError, match=r"box\.glb: --animation jump: expected one of 1 box"):
+        play(Play(write_baked_box(box), out, options=MotionOptions(animation="jump")))
+    with pytest.raises(InputError, match=r"box\.glb: the cloth is damaged"):
+        play(Play(rewritten(box, other_cloth), out))
+    with pytest.raises(InputError, match=r"box\.glb: has no cloth to play"):
+        play(Play(rewritten(box, no_cloth), out))
+    with pytest.raises(InputError, match="--in-place need --motion"):
+        Play(box, out, options=MotionOptions(in_place=True)).run()
+    assert [path.name for path in tmp_path.iterdir()] == ["box.glb"]
+
+
+def test_what_cannot_be_baked_says_why_and_leaves_nothing(tmp_path: Path, body: Body) -> None:
+    def torn(*_: object) -> bytes:
+        raise InputError("garment dress: is torn")
+
+    command = Bake(("dress",), tmp_path / "out.glb")
+    with pytest.raises(InputError, match="garment dress: is torn"):
+        bake(command, torn)
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.4)
+    ball.vertices += body.skeleton.heads[0].numpy()
+    ball.export(tmp_path / "ball.obj")
+    with pytest.raises(InputError, match="ball"):
+        bake(replace(command, garment=(str(tmp_path / "ball.obj"),)), bake_outfit)
+    assert not (tmp_path / "out.glb").exists()

@@ -1,0 +1,102 @@
+"""Baked files: a character and its outfit, for viewers and for the runtime."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import torch
+from rich.console import Console
+
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.visible import visible_body
+from uvcloth.characters.body import body_from_character
+from uvcloth.characters.joints import OwnJoints, own_joints
+from uvcloth.commands.bake import CHARACTERS, Bake
+from uvcloth.commands.worn import load_worn
+from uvcloth.errors import InputError
+from uvcloth.export.glb import Document
+from uvcloth.export.gltf_cloth import add_cloth, add_cloth_skin, add_own_body, animate_cloth
+from uvcloth.export.gltf_reopened import reopened
+from uvcloth.export.writer import require_own_names
+from uvcloth.files.atomic import atomic_write
+from uvcloth.formats.gltf import read_gltf
+from uvcloth.garments.band import unheld_reason
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.own_joints import on_own_joints
+from uvcloth.methods.physics.outfit import PhysicsConfig
+from uvcloth.motion.lead_in import pose_from_rest
+from uvcloth.motion.library import load_clip
+from uvcloth.player.baked import ClothSkin
+
+BakeOutfit = Callable[[Outfit, PhysicsConfig], bytes]
+"""Function that makes an outfit what the runtime reads."""
+
+
+@dataclass(frozen=True)
+class Baked:
+    """Result of baking: the file, names of its garments, and how many joints and bytes the runtime has."""
+
+    path: Path
+    garments: tuple[str, ...]
+    joints: int
+    size: int
+
+    def lines(self) -> list[str]:
+        """Text of the result for a terminal, line by line."""
+        return [
+            f"{self.path}: {self.path.stat().st_size / 1e6:.2f} MB, of which the runtime reads "
+            f"{self.size / 1e6:.2f} MB",
+            f"{', '.join(self.garments)}; {self.joints} joints",
+        ]
+
+
+def bake(command: Bake, bake_outfit: BakeOutfit) -> Baked:
+    """Fit garments to a character or a body, and write the baked file.
+
+    Raises InputError for bad input and a full disk; then, as after Ctrl-C, writes nothing.
+    """
+    console = Console(stderr=True)
+    report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
+    with console.status("preparing"):
+        body, joints = _body(command.body, report)
+        outfit = load_worn(command, body, report)
+        if reason := unheld_reason(outfit):
+            raise InputError(f"{reason}; the runtime cannot hold it up")
+        require_own_names(command.out, [garment.name for garment in outfit.garments])
+        clip = None
+        if command.motion is not None:
+            clip = pose_from_rest(load_clip(command.motion, body, command.options), body)
+    worn = outfit if joints is None else on_own_joints(outfit, joints)
+    with console.status(f"{command.out.name} ..."):
+        content = bake_outfit(worn, PhysicsConfig(command.quality))
+        document, skin = _character(command.body, body, joints)
+        add_cloth(document, skin, worn.garments, content)
+        if clip is not None:
+            transforms = clip.transforms(torch.float64).numpy()
+            if joints is not None:
+                transforms = transforms[:, joints.ours]
+            animate_cloth(document, skin, transforms, clip.fps)
+        with atomic_write(command.out) as unfinished:
+            document.write(unfinished)
+    names = tuple(garment.name for garment in worn.garments)
+    return Baked(command.out, names, len(skin.nodes), len(content))
+
+
+def _body(path: Path | None, report: Callable[[str], None]) -> tuple[Body, OwnJoints | None]:
+    """The body that garments are fitted to; of a character also the joints of its file that move it."""
+    if path is None or path.suffix.lower() not in CHARACTERS:
+        return load_body(path), None
+    made = body_from_character(path, load_body())
+    for line in made.lines():
+        report(line)
+    return made.body, own_joints(path, made.rigged)
+
+
+def _character(path: Path | None, body: Body, joints: OwnJoints | None) -> tuple[Document, ClothSkin]:
+    """A document that shows the character or the body, and the skin of its garments."""
+    if joints is None or path is None:
+        document = Document()
+        return document, add_own_body(document, visible_body(body))
+    document = reopened(read_gltf(path))
+    return document, add_cloth_skin(document, joints)

@@ -1,0 +1,41 @@
+"""`uvcloth play`: its options."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from uvcloth.commands.options import EXTRAS, MOTION, MotionFile
+from uvcloth.errors import InputError
+from uvcloth.files.options import NewFile, Source
+from uvcloth.motion.options import MotionOptions
+
+PLAYED = (".glb", ".usdc", ".usd", ".pc2", ".abc", ".obj", ".npz")
+"""Suffixes of the files that are written."""
+
+
+@dataclass(frozen=True)
+class Play:
+    """Play a baked file: its cloth moves with an animation of the file, or with another motion."""
+
+    file: Positional[Annotated[Path, Source((".glb",))]]
+    """A .glb that `uvcloth bake` wrote."""
+    out: Annotated[Path, NewFile(PLAYED, EXTRAS)]
+    """File to write. .glb: the character and its garments; .usdc, .abc, .pc2, .obj, .npz: the garments."""
+    motion: Annotated[
+        str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: of the file)"), MOTION
+    ] = None
+    """A motion file or the name of a built-in clip instead of an animation of the file."""
+    options: MotionFile = field(default_factory=MotionOptions)
+
+    def run(self) -> None:
+        """Write the file and say what a frame took. Raises InputError for bad input."""
+        options = self.options
+        if self.motion is None and (
+            options.up or options.joints or options.rest_frame is not None or options.in_place
+        ):
+            raise InputError("play: --up, --joints, --rest-frame and --in-place need --motion")
+        from uvcloth.commands.play_file import play
+
+        print("\n".join(play(self).lines()))
