@@ -48,7 +48,7 @@ UVC_API void uvc_drop(uvc_cloth *cloth);
 /* Lets cloth come to rest on the body in its first pose. joints: (J, 3, 4), row by row, the transforms of the
  * joints from the rest pose: a turn, without scale, and a shift in metres, in any place of the world. Takes as
  * long as 65 steps. Returns 1, or 0 and a sentence, as uvc_read does, for joints that are not finite and cloth
- * that finds no rest. */
+ * that finds no rest. The garments can be shown then. */
 UVC_API int uvc_start(uvc_cloth *cloth, const double *joints, char *message, size_t room);
 
 /* Moves cloth on to the pose of joints, `seconds` later. The first step after uvc_start is to the pose of the
@@ -56,6 +56,18 @@ UVC_API int uvc_start(uvc_cloth *cloth, const double *joints, char *message, siz
  * 40 m/s past the cloth (start again after a cut), a frame without length, and cloth that flies apart; the
  * cloth stays as it was then. */
 UVC_API int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, char *message, size_t room);
+
+/* Pulls the cages, on which the cloth is solved, to points (n, 3), m, in the world of the joints, by springs of
+ * a frequency `rate`, 1/s, in all steps until the next call; 0 ends it, and needs no points. uvc_start then
+ * starts from these points. uvc_cages: n. */
+UVC_API void uvc_pull(uvc_cloth *cloth, const double *points, double rate);
+UVC_API int uvc_cages(const uvc_outfit *outfit);
+
+/* All that the cloth remembers, as so many bytes: written, and read again by cloth in the same outfit, which
+ * goes on from there. uvc_restore returns 0 for other bytes. They are for this machine and this version. */
+UVC_API size_t uvc_saved_size(const uvc_cloth *cloth);
+UVC_API void uvc_save(const uvc_cloth *cloth, void *bytes);
+UVC_API int uvc_restore(uvc_cloth *cloth, const void *bytes, size_t size);
 
 /* Copies the vertices of a garment (V, 3), m, in the world of the joints. */
 UVC_API void uvc_vertices(const uvc_cloth *cloth, int garment, double *vertices);

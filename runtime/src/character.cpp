@@ -7,8 +7,9 @@ namespace {
 // Metres that garments keep from the skin, and from each other; how far skin and cloth are looked for.
 constexpr float CLEARANCE = 0.003f, CLEARING_REACH = 0.03f;
 
-// Damping ratio of the springs that hold bands.
-constexpr float HOLD_DAMPING = 0.7f;
+// Damping ratios of the springs that hold bands, and that pull cages: at 1 a skirt swings out with half its
+// energy.
+constexpr float HOLD_DAMPING = 0.7f, PULL_DAMPING = 0.3f;
 
 // Greatest speed of a body, m/s, relative to the mean of the cloth, that can be followed.
 constexpr float FASTEST_BODY = 40.0f;
@@ -34,6 +35,21 @@ void write_transform(const Rigid &joint, Vec64 origin, float *row) {
     }
 }
 
+// The body at rest with the offsets of its shapes, which turns of joints have.
+Array<float> shaped(const Outfit &outfit, const Rigid *joints, Arena &work) {
+    if (!outfit.shapes.size) return outfit.body.rest;
+    Array<float> rest = work.copy(outfit.body.rest);
+    const float *shape = outfit.shapes.data;
+    for (int joint = 1; joint < outfit.skeleton.parents.size; joint++) {
+        Turn turn = local_turn(outfit.skeleton, joints, joint);
+        for (int k = 0; k < 9; k++, shape += rest.size) {
+            float amount = (float)(turn.at[k / 3][k % 3] - (k % 4 == 0 ? 1 : 0));
+            for (int j = 0; j < rest.size; j++) rest.at(j) += amount * shape[j];
+        }
+    }
+    return rest;
+}
+
 // Poses body, cages and points around the root, and opens the collider.
 void pose_all(Character &character, const Rigid *joints, Posed &posed) {
     const Outfit &outfit = character.outfit;
@@ -48,9 +64,9 @@ void pose_all(Character &character, const Rigid *joints, Posed &posed) {
     Array<float> transforms = work.take<float>(12 * count);
     for (int k = 0; k < count; k++)
         write_transform(joints[k], posed.origin, transforms.data + 12 * k);
-    pose(outfit.body, transforms.data, posed.skin.data);
-    pose(outfit.cages, transforms.data, posed.cages.data);
-    pose(outfit.points, transforms.data, posed.points.data);
+    pose(outfit.body, shaped(outfit, joints, work).data, transforms.data, posed.skin.data);
+    pose(outfit.cages, outfit.cages.rest.data, transforms.data, posed.cages.data);
+    pose(outfit.points, outfit.points.rest.data, transforms.data, posed.points.data);
     int vertices = posed.skin.size;
     Array<Vec> closed = work.take<Vec>(vertices + outfit.caps.tips.size);
     for (int k = 0; k < vertices; k++) closed[k] = (1 / outfit.size) * posed.skin[k];
@@ -99,22 +115,32 @@ struct Next {
     SelfContact contact;
 };
 
+// Targets of the cages, m, around the origin of `posed`: where they are pulled, or skinned where they are held.
+Array<Vec> find_targets(const Character &character, Arena &work) {
+    const Posed &posed = character.posed;
+    Array<Vec> targets = work.copy(posed.cages);
+    for (int k = 0; k < targets.size && character.rate > 0; k++)
+        if (!(character.outfit.hold[k] > 0)) targets[k] = narrow(character.guide[k] - posed.origin);
+    return targets;
+}
+
 // Solves a frame up to the pose, with as many substeps as it takes.
 bool solve(Character &character, float seconds, Arena &arena, Next &next, Failure &failure) {
     const Outfit &outfit = character.outfit;
     const SolverSettings &settings = outfit.settings;
     const Posed &posed = character.posed;
-    int count = posed.cages.size, rows = outfit.solver.collider.parts * count;
-    Vec64 middle = mean(posed.cages);
+    Array<Vec> targets = find_targets(character, arena);
+    int count = targets.size, rows = outfit.solver.collider.parts * count;
+    Vec64 middle = mean(targets);
     next.origin = posed.origin + middle;
     next.drift = (1.0 / seconds) * (next.origin - character.origin);
-    next.targets = around(posed.cages, middle, arena);
+    next.targets = around(targets, middle, arena);
     next.body = around(posed.body, middle, arena);
     Array<Vec> speeds = arena.take<Vec>(count);
     for (int k = 0; k < count; k++) {
         Vec64 speed = wide(character.velocities[k]) + character.drift - next.drift;
         // A clip that starts in a run does not pull resting cloth away.
-        if (character.frame == 1) speed = (1.0 / seconds) * wide(next.targets[k] - character.targets[k]);
+        if (character.steps == 1) speed = (1.0 / seconds) * wide(next.targets[k] - character.targets[k]);
         speeds[k] = narrow(speed);
     }
     float past = fastest(character.body, next.body) / seconds;
@@ -129,15 +155,19 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
         return false;
     }
     float body_interval = least(settings.interval, settings.reach / most(past + fastest(speeds), 1e-6f));
-    Array<float> damping = arena.take<float>(count);
-    for (float &each : damping) each = HOLD_DAMPING;
+    Array<float> rates = arena.take<float>(count), damping = arena.take<float>(count);
+    for (int k = 0; k < count; k++) {
+        bool is_held = outfit.hold[k] > 0;
+        rates[k] = is_held ? outfit.hold[k] : character.rate;
+        damping[k] = is_held ? HOLD_DAMPING : PULL_DAMPING;
+    }
     auto numbers = [](Array<Vec> vectors) { return reinterpret_cast<const float *>(vectors.data); };
     uvc_motion motion{};
     motion.body_start = numbers(character.body);
     motion.body_end = numbers(next.body);
     motion.target_start = numbers(character.targets);
     motion.target_end = numbers(next.targets);
-    motion.pull = outfit.hold.data;
+    motion.pull = rates.data;
     motion.damping = damping.data;
     motion.drift[0] = (float)next.drift.x;
     motion.drift[1] = (float)next.drift.y;
@@ -209,7 +239,6 @@ void carry(Character &character) {
     cover_skin(outfit.clearing, points.data, skin.data);
     lift(outfit.clearing.layers, outfit.clearing.rings, points.data, CLEARANCE, 1);
     for (Vec &point : points) point = outfit.size * point;
-    character.frame++;
 }
 
 bool are_finite(const Rigid *joints, int count, Failure &failure) {
@@ -233,14 +262,15 @@ void forget(Character &character) {
     begin(outfit.clearing, character.memory);
     character.contact.points.clear();
     character.contact.edges.clear();
-    character.frame = character.solved = 0;
+    character.steps = character.solved = 0;
 }
 
 }  // namespace
 
 Character::Character(const Outfit &outfit)
-    : outfit(outfit), place{1, 0, {}}, frame(0), solved(0), origin{}, drift{} {
+    : outfit(outfit), place{1, 0, {}}, steps(0), solved(0), rate(0), origin{}, drift{} {
     int cages = outfit.cages.vertices(), rows = outfit.solver.collider.parts * cages;
+    guide = arena.take<Vec64>(cages);
     positions = arena.take<Vec>(cages);
     velocities = arena.take<Vec>(cages);
     targets = arena.take<Vec>(cages);
@@ -259,23 +289,28 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
     if (!are_finite(joints, count, failure)) return false;
     Arena work;
     Array<Rigid> transforms = work.copy(joints, count), way = work.take<Rigid>(count);
+    Place before = character.place;
     character.place = place_of(joints[0], skeleton.heads[0]);
+    bring_back(before, character.guide.data, character.guide.size);
+    for (Vec64 &point : character.guide) point = brought_in(character.place, point);
     bring_in(character.place, transforms.data, count);
     forget(character);
     Pose pose = read_pose(skeleton, transforms.data, work);
     double energy = 0;
-    for (int frame = 0; frame <= POSING_FRAMES + SETTLING_FRAMES; frame++) {
+    int first = character.rate > 0 ? POSING_FRAMES : 0;
+    for (int frame = first; frame <= POSING_FRAMES + SETTLING_FRAMES; frame++) {
         Arena arena;
         if (frame <= POSING_FRAMES) {
             way_to(skeleton, pose, (double)frame / POSING_FRAMES, way.data);
             pose_all(character, way.data, character.posed);
         }
         Posed &posed = character.posed;
-        if (frame == 0) {
-            Vec64 middle = mean(posed.cages);
+        if (frame == first) {
+            Array<Vec> targets = find_targets(character, arena);
+            Vec64 middle = mean(targets);
             character.origin = posed.origin + middle;
             character.drift = {};
-            copy(character.targets, around(posed.cages, middle, arena));
+            copy(character.targets, around(targets, middle, arena));
             copy(character.positions, character.targets);
             copy(character.body, around(posed.body, middle, arena));
             memset(character.velocities.data, 0, sizeof(Vec) * (size_t)character.velocities.size);
@@ -293,6 +328,7 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
             energy = 0;
         }
     }
+    carry(character);
     return true;
 }
 
@@ -311,7 +347,14 @@ bool step(Character &character, const Rigid *joints, float seconds, Failure &fai
     if (!solve(character, seconds, work, next, failure)) return false;
     accept(character, next);
     carry(character);
+    character.steps++;
     return true;
+}
+
+void pull(Character &character, const Vec64 *points, float rate) {
+    character.rate = rate;
+    for (int k = 0; k < character.guide.size && rate > 0; k++)
+        character.guide[k] = brought_in(character.place, points[k]);
 }
 
 }  // namespace uvc

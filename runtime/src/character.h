@@ -15,14 +15,17 @@ struct Posed {
 
 // All that a character's cloth remembers; everything is in the frame of `place`, that of the first root.
 //
-// frame: frames that were shown; solved: frames that were solved. origin: mean of the cages' targets, m;
+// steps: since the start; solved: frames that were solved. guide: (n) m, and rate, 1/s: what pulls the cages,
+// if the rate is not 0. origin: mean of the cages' targets, m;
 // drift: m/s, its velocity. positions, m, and velocities, m/s, of the cloth (n), targets (n) and collider (C)
 // are around that origin. memory: of the clearing. shown: (U) points around the origin of `posed`.
 struct Character {
     const Outfit &outfit;
     Place place;
-    int frame, solved;
+    int steps, solved;
+    float rate;
     Vec64 origin, drift;
+    Array<Vec64> guide;
     Array<Vec> positions, velocities, targets, body, shown;
     Searched searched;
     SelfContact contact;
@@ -34,13 +37,26 @@ struct Character {
     explicit Character(const Outfit &outfit);
 };
 
+// Pulls the cages to points (n), m, in the world, by springs of a frequency, 1/s, until it is told otherwise.
+void pull(Character &character, const Vec64 *points, float rate);
+
 // Lets cloth come to rest on the body in its pose of joints' transforms (J) from rest, to which it goes from
-// its rest pose. Returns false, with a sentence, for joints that are not finite, or cloth that cannot rest.
+// its rest pose; or from what pulls it, if that is stronger than 0. Shows the garments. Returns false, with a
+// sentence, for joints that are not finite, or cloth that cannot rest.
 bool start(Character &character, const Rigid *joints, Failure &failure);
 
 // Moves cloth to the next frame of so many seconds, and clears the garments that follow it. Returns false, with
 // a sentence, and leaves the cloth as it was, for joints that are not finite, a body that is too fast, or
 // cloth that flies apart.
 bool step(Character &character, const Rigid *joints, float seconds, Failure &failure);
+
+// Bytes of all that a character's cloth remembers now.
+size_t saved_size(const Character &character);
+
+// Writes them.
+void save(const Character &character, uint8_t *bytes);
+
+// Reads what `save` wrote for a character in the same outfit. Returns false if these are other bytes.
+bool restore(Character &character, const uint8_t *bytes, size_t size);
 
 }  // namespace uvc

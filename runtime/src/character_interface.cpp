@@ -71,6 +71,20 @@ int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, char *messa
     return uvc::step(cloth->data, uvc::rigid(joints, count, work).data, (float)seconds, failure);
 }
 
+int uvc_cages(const uvc_outfit *outfit) { return outfit->data.cages.vertices(); }
+
+void uvc_pull(uvc_cloth *cloth, const double *points, double rate) {
+    uvc::pull(cloth->data, reinterpret_cast<const uvc::Vec64 *>(points), (float)rate);
+}
+
+size_t uvc_saved_size(const uvc_cloth *cloth) { return uvc::saved_size(cloth->data); }
+
+void uvc_save(const uvc_cloth *cloth, void *bytes) { uvc::save(cloth->data, static_cast<uint8_t *>(bytes)); }
+
+int uvc_restore(uvc_cloth *cloth, const void *bytes, size_t size) {
+    return uvc::restore(cloth->data, static_cast<const uint8_t *>(bytes), size);
+}
+
 void uvc_vertices(const uvc_cloth *cloth, int garment, double *vertices) {
     const uvc::Character &character = cloth->data;
     const uvc::Outfit &outfit = character.outfit;

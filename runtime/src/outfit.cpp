@@ -45,6 +45,9 @@ void read_outfit(const Sections &sections, Outfit &outfit, Failure &failure) {
     outfit.cages = read_skin(sections, "cages", joints, arena, failure);
     outfit.points = read_skin(sections, "points", joints, arena, failure);
     int cages = outfit.cages.vertices(), points = outfit.points.vertices();
+    if (has(sections, "outfit.shapes") && joints > 0)
+        outfit.shapes = read_floats(sections, "outfit.shapes", 9 * (joints - 1), 3 * outfit.body.vertices(),
+                                    arena, failure);
     Array<int32_t> tips = read_integers(sections, "caps.tips", -1, 1, arena, failure);
     int vertices = outfit.body.vertices() + tips.size;
     outfit.caps = read_caps(sections, vertices, arena, failure);

@@ -26,7 +26,8 @@ struct SolverSettings {
 // size: height of the body over that of the nearest adult; clearances are for adults. used: (C) the vertices
 // that cloth may touch, among the body's and the caps' tips. hold: (n) 1/s, attachment of bands. cage_starts
 // (U + 1), cage, cage_weights: vertices of the cages around each point. starts: (G + 1) first point of each
-// garment. shown_starts: (G + 1) first shown vertex of each garment, and shown: the point that each lies at.
+// garment. shapes: (9 (J - 1), V, 3) m, offsets of the body at rest for each number of the joints' turns from
+// those of their parents, less one; none for most bodies. shown_starts: (G + 1) first shown vertex of each garment, and shown: the point that each lies at.
 struct Outfit {
     float size;
     Skeleton skeleton;
@@ -37,7 +38,7 @@ struct Outfit {
     Clearing clearing;
     SolverSettings settings;
     Array<int32_t> used, cage_starts, cage, starts, shown_starts, shown;
-    Array<float> cage_weights, hold;
+    Array<float> cage_weights, hold, shapes;
     Arena arena;
 
     int garments() const { return starts.size - 1; }
@@ -45,7 +46,7 @@ struct Outfit {
 
 // Reads what `read_skeleton`, `read_caps`, `read_opening`, `read_solver` and `read_clearing` do, skins named
 // "body", "cages" and "points", and the arrays above as "outfit.size", "outfit.used", "outfit.hold",
-// "outfit.shown_starts", "outfit.shown", "follow.starts", "follow.cage", "follow.weights", and
+// "outfit.shown_starts", "outfit.shown", "outfit.shapes" where it is there, "follow.starts", "follow.cage", "follow.weights", and
 // "settings.needed" to "settings.hinge_interval".
 void read_outfit(const Sections &sections, Outfit &outfit, Failure &failure);
 

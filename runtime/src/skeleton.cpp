@@ -96,13 +96,17 @@ Skeleton read_skeleton(const Sections &sections, Arena &arena, Failure &failure)
     return failure.failed ? Skeleton{} : skeleton;
 }
 
+Turn local_turn(const Skeleton &skeleton, const Rigid *transforms, int joint) {
+    return transposed(transforms[skeleton.parents[joint]].turn) * transforms[joint].turn;
+}
+
 Pose read_pose(const Skeleton &skeleton, const Rigid *transforms, Arena &arena) {
     const Rigid &root = transforms[0];
     Pose pose{arena.take<Vec64>(skeleton.parents.size), heading(root.turn),
               root.turn * skeleton.heads[0] + root.shift};
     for (int joint = 0; joint < skeleton.parents.size; joint++) {
-        const Turn &above = joint ? transforms[skeleton.parents[joint]].turn : pose.heading;
-        pose.turns[joint] = axis_angle(transposed(above) * transforms[joint].turn);
+        Turn local = joint ? local_turn(skeleton, transforms, joint) : transposed(pose.heading) * root.turn;
+        pose.turns[joint] = axis_angle(local);
     }
     return pose;
 }
@@ -129,11 +133,16 @@ Place place_of(const Rigid &root, Vec64 head) {
     return {facing.at[0][0], facing.at[1][0], root.turn * head + root.shift};
 }
 
+Vec64 brought_in(const Place &place, Vec64 point) {
+    Vec64 p = point - place.origin;
+    return {place.cosine * p.x + place.sine * p.y, place.cosine * p.y - place.sine * p.x, p.z};
+}
+
 void bring_in(const Place &place, Rigid *transforms, int joints) {
     Turn back{{{place.cosine, place.sine, 0}, {-place.sine, place.cosine, 0}, {0, 0, 1}}};
     for (int joint = 0; joint < joints; joint++) {
         Rigid &transform = transforms[joint];
-        Vec64 shift = back * (transform.shift - place.origin);
+        Vec64 shift = brought_in(place, transform.shift);
         transform.turn = back * transform.turn;
         for (auto &row : transform.turn.at)
             for (double &number : row) number = rounded(number, TURN_STEPS);

@@ -40,6 +40,9 @@ Pose read_pose(const Skeleton &skeleton, const Rigid *transforms, Arena &arena);
 // ends slowly. The root keeps its place, and turns from its heading.
 void way_to(const Skeleton &skeleton, const Pose &pose, double share, Rigid *transforms);
 
+// Turn of a joint, which is not the root, from that of its parent, by the transforms (J) of all.
+Turn local_turn(const Skeleton &skeleton, const Rigid *transforms, int joint);
+
 // A place on the ground: turned about the vertical by an angle of that cosine and sine, around an origin, m.
 struct Place {
     double cosine, sine;
@@ -51,6 +54,9 @@ Place place_of(const Rigid &root, Vec64 head);
 
 // Brings transforms (J) into the frame of a place, in place, rounded: turned or shifted scenes get the same.
 void bring_in(const Place &place, Rigid *transforms, int joints);
+
+// Brings a point, m, into the frame of a place.
+Vec64 brought_in(const Place &place, Vec64 point);
 
 // Brings points (N) m in the frame of a place back.
 void bring_back(const Place &place, Vec64 *points, int count);

@@ -54,11 +54,10 @@ Skin read_skin(const Sections &sections, const char *prefix, int joints, Arena &
     return failure.failed ? Skin{} : skin;
 }
 
-void pose(const Skin &skin, const float *transforms, Vec *posed) {
+void pose(const Skin &skin, const float *rest, const float *transforms, Vec *posed) {
     constexpr int SIZE = 12;
     for (int vertex = 0; vertex < skin.vertices(); vertex++) {
-        const float *rest = skin.rest.data + 3 * vertex;
-        Row4 point = {rest[0], rest[1], rest[2], 1};
+        Row4 point = {rest[3 * vertex], rest[3 * vertex + 1], rest[3 * vertex + 2], 1};
         int first = skin.starts[vertex], end = skin.starts[vertex + 1];
         if (end == first + 1 && skin.weights[first] == 1) {
             posed[vertex] = apply(load_transform(transforms + SIZE * skin.joints[first]), point);

@@ -18,7 +18,7 @@ struct Skin {
 // skeleton of so many joints. The prefix has at most 20 bytes.
 Skin read_skin(const Sections &sections, const char *prefix, int joints, Arena &arena, Failure &failure);
 
-// Moves the vertices, V m, by transforms (J, 3, 4) of the joints, row by row.
-void pose(const Skin &skin, const float *transforms, Vec *posed);
+// Moves vertices (V) m at `rest` by transforms (J, 3, 4) of the joints, row by row.
+void pose(const Skin &skin, const float *rest, const float *transforms, Vec *posed);
 
 }  // namespace uvc

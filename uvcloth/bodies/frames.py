@@ -20,9 +20,10 @@ LEAD = HISTORY + 1
 class BodyFrames:
     """B frames of a posed body, each with its short history (H = HISTORY, the last is the frame itself).
 
-    transforms: (B, H, J, 3, 4). vertices: (B, H, V, 3) m. velocity: (B, H, V, 3) m/s, acceleration:
-    (B, H, V, 3) m/s2, both backward differences (PhysXNet eq. 6 and 7) divided by the frame time. under:
-    (B, N, 3) m, the garment beneath the one to predict, where a method needs it.
+    joints: (B, J, 3, 4) float64, transforms in the world, and origin: (B, 3) float64 m, around which all else
+    is; both on the CPU. transforms: (B, H, J, 3, 4). vertices: (B, H, V, 3) m. velocity: (B, H, V, 3) m/s,
+    acceleration: (B, H, V, 3) m/s2, both backward differences (PhysXNet eq. 6 and 7) divided by the frame
+    time. under: (B, N, 3) m, the garment beneath the one to predict, where a method needs it.
     """
 
     body: Body
@@ -31,6 +32,8 @@ class BodyFrames:
     vertices: Tensor
     velocity: Tensor
     acceleration: Tensor
+    joints: Tensor
+    origin: Tensor
     under: Tensor | None = None
 
     def __len__(self) -> int:
@@ -44,6 +47,8 @@ class BodyFrames:
             vertices=self.vertices[rows],
             velocity=self.velocity[rows],
             acceleration=self.acceleration[rows],
+            joints=self.joints[rows],
+            origin=self.origin[rows],
             under=self.under[rows] if self.under is not None else None,
         )
 
@@ -57,14 +62,17 @@ def side_by_side(frames: Sequence[BodyFrames]) -> BodyFrames:
         vertices=torch.cat([each.vertices for each in frames]),
         velocity=torch.cat([each.velocity for each in frames]),
         acceleration=torch.cat([each.acceleration for each in frames]),
+        joints=torch.cat([each.joints for each in frames]),
+        origin=torch.cat([each.origin for each in frames]),
     )
 
 
 def body_frames(body: Body, transforms: Tensor, fps: float, posed: Tensor | None = None) -> BodyFrames:
     """Pose a body over LEAD + B consecutive frames of joint transforms (LEAD + B, J, 3, 4).
 
-    The first LEAD frames only serve the differences; `with_lead` makes them at a clip's start. fps: frames
-    per second. posed: (K, V, 3) m, the body in the first K frames, where that is known.
+    The first LEAD frames only serve the differences; `with_lead` makes them at a clip's start. The origin is
+    that of the world. fps: frames per second. posed: (K, V, 3) m, the body in the first K frames, where that
+    is known.
     """
     known = 0 if posed is None else len(posed)
     vertices = posed_skin(body, transforms[known:])
@@ -84,6 +92,8 @@ def body_frames(body: Body, transforms: Tensor, fps: float, posed: Tensor | None
         vertices=history(vertices),
         velocity=history(velocity),
         acceleration=history(acceleration),
+        joints=transforms[LEAD:].double().cpu(),
+        origin=torch.zeros(len(transforms) - LEAD, 3, dtype=torch.float64),
     )
 
 

@@ -6,7 +6,7 @@ the root, which is subtracted in float64.
 
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -70,7 +70,11 @@ def posed_batches(
         local = torch.stack(led + fresh)
         local[..., 3] -= origin
         known = None if posed is None else posed + (before - origin).to(posed)
-        frames = body_frames(body, local.float().to(device), fps, known)
+        frames = replace(
+            body_frames(body, local.float().to(device), fps, known),
+            joints=torch.stack(fresh),
+            origin=origin.expand(len(fresh), 3),
+        )
         batch = PosedBatch(frames, origin, begins, 1000.0 * (time.perf_counter() - begun) / len(fresh))
         led, fresh, posed, begins = (led + fresh)[-LEAD:], [], frames.vertices[-LEAD:, -1], False
         return batch

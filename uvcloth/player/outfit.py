@@ -2,6 +2,7 @@
 
 import ctypes
 import weakref
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +16,23 @@ Joints = NDArray[np.float64]
 class Outfit:
     """A baked outfit, which any number of characters may wear.
 
-    joints: J, the number of joints. garments: vertices of each, the innermost first.
+    joints: J, the number of joints. cages: n, the vertices on which all cloth is solved. garments: vertices
+    of each, the innermost first.
     """
 
     def __init__(self, content: bytes) -> None:
         """Read what was baked. Raises ValueError with the runtime's sentence if it is damaged."""
+        self._content = content
         self.handle = read_outfit(self, content, "uvc_read", "uvc_free")
         core = library()
         self.joints: int = core.uvc_joints(self.handle)
+        self.cages: int = core.uvc_cages(self.handle)
         count = core.uvc_garments(self.handle)
         self.garments = tuple(int(core.uvc_garment_vertices(self.handle, k)) for k in range(count))
+
+    def __reduce__(self) -> tuple[type[Self], tuple[bytes]]:
+        """Pickle the bytes; the runtime reads them again."""
+        return type(self), (self._content,)
 
 
 class Cloth:
@@ -53,6 +61,29 @@ class Cloth:
         that is faster than 40 m/s, and cloth that flies apart; it stays as it was then.
         """
         self._do(library().uvc_step, joints, ctypes.c_double(seconds))
+
+    def pull(self, points: NDArray[np.float64] | None, rate: float) -> None:
+        """Pull the cages to points (n, 3) m in the world, by springs of a frequency, 1/s, in all later steps.
+
+        `start` begins there then. Rate 0 ends it, and needs no points.
+        """
+        given = np.zeros((self.outfit.cages, 3)) if points is None else points
+        places = np.ascontiguousarray(given, np.float64)
+        assert places.shape == (self.outfit.cages, 3)
+        library().uvc_pull(self._handle, pointer(places), ctypes.c_double(rate))
+
+    def save(self) -> NDArray[np.uint8]:
+        """Bytes of all that the cloth remembers."""
+        size = library().uvc_saved_size
+        size.restype = ctypes.c_size_t
+        content = np.empty(size(self._handle), np.uint8)
+        library().uvc_save(self._handle, pointer(content))
+        return content
+
+    def restore(self, content: NDArray[np.uint8]) -> None:
+        """Go on from what `save` returned of cloth in the same outfit. Raises ValueError for other bytes."""
+        if not library().uvc_restore(self._handle, pointer(content), ctypes.c_size_t(len(content))):
+            raise ValueError("the bytes are not those of cloth in this outfit")
 
     def vertices(self, garment: int) -> NDArray[np.float64]:
         """Vertices (V, 3) m of a garment, in the world of the joints."""

@@ -34,7 +34,9 @@ def baked_sections(outfit: Outfit, caged: CagedOutfit) -> dict[str, NDArray[Any]
         each.mesh.places.numpy() + start
         for each, start in zip(garments, _starts([len(each.mesh.points) for each in garments]), strict=False)
     ]
+    shapes = {} if body.pose_shapes is None else {"outfit.shapes": body.pose_shapes.flatten(1).numpy()}
     return {
+        **shapes,
         "outfit.size": np.array([clearing.size]),
         "outfit.used": clearing.used.numpy(),
         "outfit.hold": caged.hold,

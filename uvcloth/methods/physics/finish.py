@@ -23,8 +23,17 @@ from uvcloth.methods.capabilities import (
 from uvcloth.methods.finish_names import FINISHES, FinishName
 from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method, Traits
-from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import CagedOutfit, CagedState, at_rest, carry, dressed, next_frame, posed
+from uvcloth.methods.physics.method import (
+    BakedPhysics,
+    Physics,
+    Worn,
+    as_input_errors,
+    dressed,
+    moved_on,
+    shown,
+)
+from uvcloth.methods.physics.outfit import CagedOutfit
+from uvcloth.player.outfit import Cloth
 
 PULL = 2.0
 """Frequency, 1/s, of the spring that pulls cages to a prediction: a higher one freezes skirts."""
@@ -35,7 +44,7 @@ class FinishState:
     """States of the method and of the solver."""
 
     guide: Any
-    cloth: tuple[CagedState, ...]
+    cloth: tuple[Worn, ...]
 
 
 @dataclass(frozen=True)
@@ -66,12 +75,12 @@ class Finish(Wrapper, Representation):
         """The reason of the method, or of the solver."""
         return self.guide.unsupported_reason(outfit) or self.physics.unsupported_reason(outfit)
 
-    def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, CagedOutfit]:
+    def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, BakedPhysics]:
         """Prepare the method on a device, and the solver on the CPU."""
         return self.guide.prepare(outfit, device), self.physics.prepare(outfit, device)
 
     def round_trip(
-        self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames, garments: tuple[Tensor, ...]
+        self, prepared: tuple[Any, BakedPhysics], frames: BodyFrames, garments: tuple[Tensor, ...]
     ) -> tuple[Tensor, ...] | None:
         """Garments (B, N, 3) m as the cages carry them: what the method cannot show, the solver may add."""
         return self.physics.round_trip(prepared[1], frames, garments)
@@ -87,38 +96,31 @@ class Finished(Finish):
 
     traits = Traits(autoregressive=True, keeps_off_body=True, reads_fabric=True)
 
-    def init(self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames) -> FinishState:
+    def init(self, prepared: tuple[Any, BakedPhysics], frames: BodyFrames) -> FinishState:
         """Start the method and the solver."""
         guide, cages = prepared
         return FinishState(self.guide.init(guide, frames), self.physics.init(cages, frames))
 
     def step(
-        self, prepared: tuple[Any, CagedOutfit], state: FinishState, frames: BodyFrames
+        self, prepared: tuple[Any, BakedPhysics], state: FinishState, frames: BodyFrames
     ) -> tuple[FinishState, tuple[Tensor, ...]]:
         """Garments (B, N, 3) m of the next frame of B rollouts."""
-        guide, cages = prepared
+        guide, physics = prepared
         guided, raw = self.guide.step(guide, state.guide, frames)
-        cloth, rows = [], []
-        now = zip(state.cloth, posed(frames), strict=True)
-        for place, (before, (transforms, vertices)) in enumerate(now):
-            skinned = cages.skinned_cages(transforms)
-            predicted = [garment[place].cpu() for garment in raw]
-            targets = _targets(cages, skinned, predicted)
-            after = next_frame(cages, before, cages.collider(vertices), targets, self.pull, frames.fps)
-            after, garments = carry(cages, after, skinned, cages.skinned(transforms), vertices)
-            cloth.append(after)
-            rows.append(_where_finite(predicted, garments))
+        following, rows = [], []
+        for place, before in enumerate(state.cloth):
+            cloth, predicted = before.recalled(), [garment[place].cpu() for garment in raw]
+            cloth.pull(_targets(physics.caged, frames, place, predicted), self.pull)
+            moved_on(cloth, frames.joints[place].numpy(), frames.fps)
+            following.append(Worn.after(cloth))
+            rows.append(_where_finite(predicted, shown(cloth, frames.origin[place])))
         finished = tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
         guided = feed_back(self.guide, guide, guided, finished)
-        return FinishState(guided, tuple(cloth)), finished
+        return FinishState(guided, tuple(following)), finished
 
-    def displaced(self, prepared: tuple[Any, CagedOutfit], state: FinishState, shift: Tensor) -> FinishState:
-        """Both states displaced by (B, 3) m."""
-        guide, cages = prepared
-        return FinishState(
-            self.guide.displaced(guide, state.guide, shift),
-            self.physics.displaced(cages, state.cloth, shift),
-        )
+    def displaced(self, prepared: tuple[Any, BakedPhysics], state: FinishState, shift: Tensor) -> FinishState:
+        """The state of the method displaced by (B, 3) m: that of the solver is in the world."""
+        return replace(state, guide=self.guide.displaced(prepared[0], state.guide, shift))
 
 
 @dataclass(frozen=True)
@@ -133,30 +135,30 @@ class Settled(Finish):
         """Those of the method: the solver remembers nothing."""
         return replace(self.guide.traits, keeps_off_body=True, reads_fabric=True, is_baseline=False)
 
-    def init(self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames) -> Any:
+    def init(self, prepared: tuple[Any, BakedPhysics], frames: BodyFrames) -> Any:
         """State of the method alone."""
         return self.guide.init(prepared[0], frames)
 
     def step(
-        self, prepared: tuple[Any, CagedOutfit], state: Any, frames: BodyFrames
+        self, prepared: tuple[Any, BakedPhysics], state: Any, frames: BodyFrames
     ) -> tuple[Any, tuple[Tensor, ...]]:
         """Garments (B, N, 3) m of B poses; a method remembers its own predictions."""
-        guide, cages = prepared
+        guide, physics = prepared
         state, raw = self.guide.step(guide, state, frames)
         rows = []
-        for place, (transforms, vertices) in enumerate(posed(frames)):
-            skinned = cages.skinned_cages(transforms)
+        for place, joints in enumerate(frames.joints.numpy()):
             predicted = [garment[place].cpu() for garment in raw]
             if self.pull > 0.0:
-                targets = _targets(cages, skinned, predicted)
-                cloth = at_rest(cages, cages.collider(vertices), targets, self.pull)
+                cloth = Cloth(physics.baked)
+                cloth.pull(_targets(physics.caged, frames, place, predicted), self.pull)
+                with as_input_errors():
+                    cloth.start(joints)
             else:
-                cloth = dressed(cages, frames.body, transforms)
-            garments = carry(cages, cloth, skinned, cages.skinned(transforms), vertices)[1]
-            rows.append(_where_finite(predicted, garments))
+                cloth = dressed(physics, joints).cloth
+            rows.append(_where_finite(predicted, shown(cloth, frames.origin[place])))
         return state, tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
 
-    def displaced(self, prepared: tuple[Any, CagedOutfit], state: Any, shift: Tensor) -> Any:
+    def displaced(self, prepared: tuple[Any, BakedPhysics], state: Any, shift: Tensor) -> Any:
         """The state of the method displaced by (B, 3) m."""
         return self.guide.displaced(prepared[0], state, shift)
 
@@ -199,17 +201,19 @@ def _where_finite(predicted: list[Tensor], garments: tuple[Tensor, ...]) -> tupl
 
 
 def _targets(
-    cages: CagedOutfit, skinned: NDArray[np.float32], predicted: list[Tensor]
-) -> NDArray[np.float32]:
-    """Places (n, 3) m of the cages in predicted garments (N, 3) m.
+    cages: CagedOutfit, frames: BodyFrames, place: int, predicted: list[Tensor]
+) -> NDArray[np.float64]:
+    """Places (n, 3) m, in the world, of the cages in predicted garments (N, 3) m of one of the frames.
 
-    skinned: (n, 3) m, the skinned cages: taken where bands are held, and where a prediction is not finite.
+    Where a prediction is not finite they are the skinned cages.
     """
     guided = torch.cat(
         [
             each.cage.at_cage(vertices[each.mesh.kept])
             for each, vertices in zip(cages.garments, predicted, strict=True)
         ]
-    ).numpy()
-    held = (cages.hold > 0)[:, None] | ~np.isfinite(guided).all(1, keepdims=True)
-    return np.where(held, skinned, guided).astype(np.float32)
+    )
+    if not torch.isfinite(guided).all():
+        skinned = torch.from_numpy(cages.skinned_cages(frames.transforms[place, -1].cpu()))
+        guided = torch.where(torch.isfinite(guided).all(1, keepdim=True), guided, skinned)
+    return (guided.double() + frames.origin[place]).numpy()
