@@ -57,9 +57,9 @@ class Opening:
         none."""
         assert corners.shape == (self.vertices, 3)
         corners = np.ascontiguousarray(corners, np.float32)
-        found = np.empty(len(self.sections["opening.points"]), np.float32)
-        library().uvc_opening_distances(self._handle, pointer(corners), pointer(found))
-        return found
+        signed = np.empty(len(self.sections["opening.points"]), np.float32)
+        library().uvc_opening_distances(self._handle, pointer(corners), pointer(signed))
+        return signed
 
 
 def in_tiles(points: Floats) -> NDArray[np.int64]:

@@ -87,9 +87,9 @@ class Cloth:
 
     def vertices(self, garment: int) -> NDArray[np.float64]:
         """Vertices (V, 3) m of a garment, in the world of the joints."""
-        found = np.empty((self.outfit.garments[garment], 3))
-        library().uvc_vertices(self._handle, garment, pointer(found))
-        return found
+        places = np.empty((self.outfit.garments[garment], 3))
+        library().uvc_vertices(self._handle, garment, pointer(places))
+        return places
 
     def _do(self, function: "ctypes._NamedFuncPointer", joints: Joints, *more: ctypes.c_double) -> None:
         rows = np.ascontiguousarray(joints, np.float64)

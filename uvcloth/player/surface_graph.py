@@ -58,7 +58,7 @@ class SurfaceGraph:
         count = 0
         while True:
             others, ways = np.empty(count, np.int32), np.empty(count, np.float32)
-            found = library().uvc_along_skin(
+            rows = library().uvc_along_skin(
                 ctypes.byref(self._view),
                 pointer(sources),
                 ctypes.c_float(limit),
@@ -67,6 +67,6 @@ class SurfaceGraph:
                 pointer(ways),
                 count,
             )
-            if found <= count:
+            if rows <= count:
                 return firsts, others, ways
-            count = found
+            count = rows

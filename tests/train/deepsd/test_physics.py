@@ -150,7 +150,7 @@ def test_forearms_are_given_room_where_they_have_sleeves(
 ) -> None:
     """As in contact; each pair of parts is two sides that are pushed."""
     _, opening = PosedParts(body, 1, CPU).met_by(fit_template(name, body).mesh.vertices, body)
-    assert len(opening.plan.starts) - 1 == 2 * len(pairs)
+    assert len(opening.runtime.sections["opening.starts"]) - 1 == 2 * len(pairs)
 
 
 def test_poses_are_anybody_s_on_the_outfit_s_own_body(dataset: OutfitDataset, start: TrainedStart) -> None:
