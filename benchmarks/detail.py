@@ -17,7 +17,7 @@ import os
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -35,15 +35,11 @@ from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
+from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.physics.outfit import (
-    CagedOutfit,
-    PhysicsConfig,
-    carry,
-    dressed,
-    make_caged_outfit,
-    next_frame,
-)
+from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
+from uvcloth.methods.physics.worn import dressed, move_on, shown
+from uvcloth.physics.outfit_clearing import FOLLOWING, OutfitClearing
 from uvcloth.process.command import run_command
 
 
@@ -71,7 +67,7 @@ class Detail:
             sequences = [load_simulated(self.data / f"{clip}_{name}.npz") for clip in self.clips]
             for quality in QUALITIES:
                 prepared = make_caged_outfit(outfit, PhysicsConfig(quality))
-                runs = [rolled_out(prepared, body, sequence) for sequence in sequences]
+                runs = [rolled_out(prepared, body, mesh, sequence) for sequence in sequences]
                 frames = sum(len(sequence.transforms) for sequence in sequences)
                 milliseconds = 1000.0 * sum(run.seconds for run in runs) / frames
                 for row in runs[0].vertices:
@@ -104,24 +100,24 @@ class Parts:
     true_waves: Tensor
 
 
-def rolled_out(prepared: CagedOutfit, body: Body, sequence: SimulatedClip) -> Run:
+def rolled_out(prepared: CagedOutfit, body: Body, mesh: Mesh, sequence: SimulatedClip) -> Run:
     """Roll a garment's cage out over a sequence; it carries the garment without and with the true detail."""
     (garment,) = prepared.garments
     carried = garment.represented(sequence.transforms, sequence.vertices)
     detail = (sequence.vertices - carried)[:, garment.mesh.kept]
     skins = posed_skin(body, sequence.transforms)
-    state = dressed(prepared, body, sequence.transforms[0])
-    fine, bare, detailed, seconds = state.fine, [], [], 0.0
-    for transforms, vertices, missing in zip(sequence.transforms, skins, detail, strict=True):
+    clearing, cloth = OutfitClearing.of(body, [mesh]), dressed(prepared, sequence.transforms[0])
+    memory, bare, detailed, seconds = clearing.start(), [], [], 0.0
+    for transforms, skin_now, missing in zip(sequence.transforms, skins, detail, strict=True):
         begun = time.process_time()
-        targets, (near,) = prepared.skinned_cages(transforms), prepared.skinned(transforms)
-        solved = next_frame(prepared, state, prepared.collider(vertices), targets, 0.0, sequence.fps)
-        state, (shown,) = carry(prepared, solved, targets, (near,), vertices)
+        move_on(cloth, transforms, sequence.fps)
+        (garment_now,) = shown(cloth, torch.zeros(3))
         seconds += time.process_time() - begun
-        bare.append(shown)
-        other, (shown,) = carry(prepared, replace(solved, fine=fine), targets, (near + missing,), vertices)
-        fine = other.fine
-        detailed.append(shown)
+        bare.append(garment_now)
+        (points,) = prepared.followed(transforms, cloth.cages())
+        collider = clearing.collider(skin_now)
+        memory, (garment_now,) = clearing.clear([points + missing], collider, skin_now, memory, FOLLOWING)
+        detailed.append(garment_now)
     rows = {"bare": torch.stack(bare), "true detail": torch.stack(detailed), "carried": carried}
     return Run(rows, seconds)
 

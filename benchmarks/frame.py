@@ -46,11 +46,7 @@ from uvcloth.rollout import rollout
 
 STAGES = {
     "body": "uvcloth.bodies.stream:body_frames",
-    "opened collider": "uvcloth.physics.outfit_clearing:OutfitClearing.collider",
-    "solver": "uvcloth.methods.physics.outfit:step",
-    "clearing off the body": "uvcloth.player.clearing:Clearing.clear",
-    "covering of skin": "uvcloth.player.clearing:Clearing.cover",
-    "clearing off layers": "uvcloth.player.clearing:Clearing.lift",
+    "runtime": "uvcloth.player.outfit:Cloth.step",
     "network": "uvcloth.methods.physxnet.network:GarmentNet.forward",
 }
 """Stages and their functions; all else is in the row of that name."""

@@ -20,8 +20,7 @@ import tyro
 from rich.console import Console
 from torch import Tensor
 
-from uvcloth.bodies.body import Body, load_body
-from uvcloth.bodies.posing import posed_skin
+from uvcloth.bodies.body import load_body
 from uvcloth.commands.options import BodyFile
 from uvcloth.dataset.bodies import keep_body
 from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment
@@ -32,14 +31,8 @@ from uvcloth.files.options import AtLeast
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
-from uvcloth.methods.physics.outfit import (
-    CagedOutfit,
-    PhysicsConfig,
-    dressed,
-    followed,
-    make_caged_outfit,
-    next_frame,
-)
+from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
+from uvcloth.methods.physics.worn import dressed, move_on
 from uvcloth.process.command import run_command
 from uvcloth.simulate.run import RUN_UP
 
@@ -91,12 +84,12 @@ class CageSequences:
             if all(path.exists() for path in paths):
                 continue
             transforms = motions.transforms(number)[: self.most_frames]
-            vertices = posed_skin(body, transforms)
             labels = {"split": entry.split, "subject": entry.subject, "action": entry.action}
             for outfit, ready, path in zip(outfits, prepared, paths, strict=True):
-                draped = torch.stack(list(simulated(ready, body, transforms, vertices)))
-                if not torch.isfinite(draped).all():
-                    console.print(f"{path}: cloth flew apart, it is left out")
+                try:
+                    draped = torch.stack(list(simulated(ready, transforms)))
+                except InputError as error:
+                    console.print(f"{path}: {error}, it is left out")
                     continue
                 warm_up = min(RUN_UP, len(draped) - 1)
                 clip = cage_clip(name, outfit, [draped], transforms, warm_up, self.quality, self.seed)
@@ -139,16 +132,16 @@ def cage_clip(
     return SimulatedClip(garments, transforms, FPS, warm_up, metadata)
 
 
-def simulated(
-    prepared: CagedOutfit, body: Body, transforms: Tensor, body_vertices: Tensor
-) -> Iterator[Tensor]:
-    """Yield the garment (N, 3) m of each frame as its cage carries it, not cleared; it begins at rest."""
+def simulated(prepared: CagedOutfit, transforms: Tensor) -> Iterator[Tensor]:
+    """Yield the garment (N, 3) m of each frame as its cage carries it, not cleared; it begins at rest.
+
+    Raises InputError where cloth flies apart.
+    """
     (garment,) = prepared.garments
-    state = dressed(prepared, body, transforms[0])
-    for transform, vertices in zip(transforms, body_vertices, strict=True):
-        targets = prepared.skinned_cages(transform)
-        state = next_frame(prepared, state, prepared.collider(vertices), targets, 0.0, FPS)
-        (points,) = followed(prepared, state, targets, prepared.skinned(transform))
+    cloth = dressed(prepared, transforms[0])
+    for transform in transforms:
+        move_on(cloth, transform, FPS)
+        (points,) = prepared.followed(transform, cloth.cages())
         yield points[garment.mesh.places]
 
 

@@ -1,5 +1,6 @@
 """Outfits at rest in poses, settled on cages: they supervise models that see the pose alone."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,20 +9,13 @@ import torch
 from rich.progress import track
 from torch import Tensor
 
-from uvcloth.bodies.body import Body
-from uvcloth.bodies.posing import posed_skin
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.fields import check_fields, numbers, text, whole
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.fingerprint import fingerprint
-from uvcloth.methods.physics.outfit import (
-    CagedOutfit,
-    PhysicsConfig,
-    dressed,
-    followed,
-    make_caged_outfit,
-)
+from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
+from uvcloth.methods.physics.worn import dressed, shown
 
 SETTLED_FILE = "settled.npz"
 """File of a run with the outfits that were settled for it."""
@@ -40,14 +34,12 @@ SAVED_EVERY = 25
 """Poses after which the file is written."""
 
 
-@torch.no_grad()
-def settle(prepared: CagedOutfit, body: Body, transforms: Tensor) -> tuple[Tensor, ...]:
-    """Each garment (N, 3) m at rest on a body in a pose (J, 3, 4), cleared off its skin."""
-    state = dressed(prepared, body, transforms)
-    targets = prepared.skinned_cages(transforms)
-    placed = followed(prepared, state, targets, prepared.skinned(transforms))
-    garments = [points[each.mesh.places] for points, each in zip(placed, prepared.garments, strict=True)]
-    return prepared.clearing.cleared(garments, posed_skin(body, transforms[None])[0])
+def settle(prepared: CagedOutfit, transforms: Tensor) -> tuple[Tensor, ...]:
+    """Each garment (N, 3) m at rest on a body in a pose (J, 3, 4), cleared off its skin.
+
+    Raises InputError where cloth flies apart.
+    """
+    return shown(dressed(prepared, transforms), torch.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -76,10 +68,10 @@ def settled_outfit(outfit: Outfit, transforms: Tensor, path: Path) -> Settled:
     prepared = make_caged_outfit(outfit, PhysicsConfig())
     rows, vertices = [settled.rows], [settled.vertices]
     for row in track(range(settled.tried, len(transforms)), "settling the outfit"):
-        cloth = torch.cat(settle(prepared, outfit.body, transforms[row]))
-        if torch.isfinite(cloth).all():
+        # Where cloth flies apart the pose is left out.
+        with suppress(InputError):
+            vertices.append(torch.cat(settle(prepared, transforms[row]))[None])
             rows.append(torch.tensor([row]))
-            vertices.append(cloth[None])
         if (row + 1) % SAVED_EVERY == 0 or row + 1 == len(transforms):
             settled = Settled(torch.cat(rows), torch.cat(vertices), row + 1)
             _save(settled, of, path)

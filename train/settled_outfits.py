@@ -120,7 +120,7 @@ class SettledOutfits:
         generator = np.random.default_rng([self.seed, *f"{task.clip}_{task.garments[0]}".encode()])
         poses = load_poses(self.poses, outfit.body)
         transforms = _drawn(poses, outfit.body, self.each, generator)
-        settled = [settle(prepared, outfit.body, pose) for pose in transforms]
+        settled = [settle(prepared, pose) for pose in transforms]
         draped = [torch.stack(cloth) for cloth in zip(*settled, strict=True)]
         if not all(torch.isfinite(cloth).all() for cloth in draped):
             raise InputError("its cloth flew apart")

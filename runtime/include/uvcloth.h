@@ -69,7 +69,8 @@ UVC_API size_t uvc_saved_size(const uvc_cloth *cloth);
 UVC_API void uvc_save(const uvc_cloth *cloth, void *bytes);
 UVC_API int uvc_restore(uvc_cloth *cloth, const void *bytes, size_t size);
 
-/* Copies the vertices of a garment (V, 3), m, in the world of the joints. */
+/* Copies the vertices of a garment (V, 3), and those of all cages (n, 3), m, in the world of the joints. */
+UVC_API void uvc_cage_vertices(const uvc_cloth *cloth, double *vertices);
 UVC_API void uvc_vertices(const uvc_cloth *cloth, int garment, double *vertices);
 
 /* --- Clearing: garments that lie in the skin by some millimetres are moved off it ----------------------- */

@@ -85,6 +85,14 @@ int uvc_restore(uvc_cloth *cloth, const void *bytes, size_t size) {
     return uvc::restore(cloth->data, static_cast<const uint8_t *>(bytes), size);
 }
 
+void uvc_cage_vertices(const uvc_cloth *cloth, double *vertices) {
+    const uvc::Character &character = cloth->data;
+    uvc::Vec64 *places = reinterpret_cast<uvc::Vec64 *>(vertices);
+    for (int k = 0; k < character.positions.size; k++)
+        places[k] = uvc::wide(character.positions[k]) + character.origin;
+    uvc::bring_back(character.place, places, character.positions.size);
+}
+
 void uvc_vertices(const uvc_cloth *cloth, int garment, double *vertices) {
     const uvc::Character &character = cloth->data;
     const uvc::Outfit &outfit = character.outfit;

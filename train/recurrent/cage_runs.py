@@ -38,7 +38,8 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.mesh import welded
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import blend_transforms, skin
-from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, dressed, make_caged_outfit, next_frame
+from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
+from uvcloth.methods.physics.worn import dressed, move_on
 from uvcloth.methods.recurrent.condition import condition
 from uvcloth.physics.fabric import JERSEY, Fabric
 from uvcloth.physics.surface import BodySurface, SurfacePoints
@@ -154,31 +155,27 @@ def simulate_cage(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Resting (T, n, 3), skin (T, n, 4) and blend (n, J) of a run at a reference cage's points.
 
-    Cloth is at rest before the first frame. Raises FloatingPointError where cloth flies apart.
+    Cloth is at rest before the first frame. Raises InputError where cloth flies apart.
     """
     (garment,) = prepared.garments
     blend = reference.at_cage(garment.weights)
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
-    resting, skins, state = [], [], None
+    resting, skins, cloth = [], [], None
     for some in transforms.split(POSED_AT_ONCE):
         offsets, posed = [], posed_skin(body, some)
-        for transform, vertices in zip(some, posed, strict=True):
-            targets = prepared.skinned_cages(transform)
-            if state is None:
-                state = dressed(prepared, body, transform)
+        for transform in some:
+            if cloth is None:
+                cloth = dressed(prepared, transform)
             else:
-                state = next_frame(prepared, state, prepared.collider(vertices), targets, 0.0, FPS)
-            offset = torch.from_numpy((state.cloth.vertices() - targets).astype(np.float32))
+                move_on(cloth, transform, FPS)
+            offset = (torch.from_numpy(cloth.cages()) - prepared.skinned_cages(transform)).float()
             offsets.append(reference.at_cage(garment.cage.at_garment(offset)))
         base = reference.at_cage(skin(garment.mesh.points, garment.weights, some))
         turns = blend_transforms(blend, some)[..., :3]
         rows = at_rest(turns, base, torch.stack(offsets), surface, posed)
         resting.append(rows[0])
         skins.append(rows[1])
-    stacked = torch.cat(resting)
-    if not torch.isfinite(stacked).all():
-        raise FloatingPointError("cloth flew apart")
-    return stacked, torch.cat(skins), blend
+    return torch.cat(resting), torch.cat(skins), blend
 
 
 def at_rest(
@@ -282,7 +279,7 @@ class CageRuns:
             try:
                 prepared = make_caged_outfit(Outfit(body, (garment,)), PhysicsConfig(self.quality))
                 resting, skins, blend = simulate_cage(prepared, body, transforms, reference)
-            except FloatingPointError as error:
+            except InputError as error:
                 console.print(f"{path}: {error} in the clip {entry.clip}, it is left out")
                 continue
             run = CageRun(

@@ -66,6 +66,6 @@ class Bake:
     def run(self) -> None:
         """Write the file and say what is in it. Raises InputError for bad input."""
         from uvcloth.commands.bake_file import bake
-        from uvcloth.methods.physics.bake import bake_outfit
+        from uvcloth.methods.physics.outfit import bake_outfit
 
         print("\n".join(bake(self, bake_outfit).lines()))

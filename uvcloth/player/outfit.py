@@ -16,13 +16,13 @@ Joints = NDArray[np.float64]
 class Outfit:
     """A baked outfit, which any number of characters may wear.
 
-    joints: J, the number of joints. cages: n, the vertices on which all cloth is solved. garments: vertices
-    of each, the innermost first.
+    content: the bytes that it was read from. joints: J, the number of joints. cages: n, the vertices on which
+    all cloth is solved. garments: vertices of each, the innermost first.
     """
 
     def __init__(self, content: bytes) -> None:
         """Read what was baked. Raises ValueError with the runtime's sentence if it is damaged."""
-        self._content = content
+        self.content = content
         self.handle = read_outfit(self, content, "uvc_read", "uvc_free")
         core = library()
         self.joints: int = core.uvc_joints(self.handle)
@@ -32,7 +32,7 @@ class Outfit:
 
     def __reduce__(self) -> tuple[type[Self], tuple[bytes]]:
         """Pickle the bytes; the runtime reads them again."""
-        return type(self), (self._content,)
+        return type(self), (self.content,)
 
 
 class Cloth:
@@ -84,6 +84,12 @@ class Cloth:
         """Go on from what `save` returned of cloth in the same outfit. Raises ValueError for other bytes."""
         if not library().uvc_restore(self._handle, pointer(content), ctypes.c_size_t(len(content))):
             raise ValueError("the bytes are not those of cloth in this outfit")
+
+    def cages(self) -> NDArray[np.float64]:
+        """Vertices (n, 3) m of all cages, in the world of the joints."""
+        places = np.empty((self.outfit.cages, 3))
+        library().uvc_cage_vertices(self._handle, pointer(places))
+        return places
 
     def vertices(self, garment: int) -> NDArray[np.float64]:
         """Vertices (V, 3) m of a garment, in the world of the joints."""

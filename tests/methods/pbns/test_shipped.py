@@ -49,7 +49,7 @@ def test_it_dresses_a_shirt_over_trousers_and_each_alone(method: PBNS, body: Bod
 
 def test_at_rest_it_hangs_as_physics_has_it(method: PBNS, body: Body, outfit: Outfit) -> None:
     rest = torch.eye(3, 4).expand(1, len(body.skeleton.names), 3, 4)
-    settled = settle(make_caged_outfit(outfit, PhysicsConfig("fast")), body, rest[0])
+    settled = settle(make_caged_outfit(outfit, PhysicsConfig("fast")), rest[0])
     (frame,) = rollout(method, outfit, rest, 30.0, clear=False)
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     for garment, vertices, physics in zip(outfit.garments, frame.raw, settled, strict=True):

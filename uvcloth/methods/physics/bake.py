@@ -1,4 +1,4 @@
-"""Baking: all that the runtime needs to dress a character, as bytes."""
+"""Baking: all that the runtime needs to dress a character, as named arrays."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,26 +8,24 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from uvcloth.errors import InputError
-from uvcloth.garments.garment import Outfit
-from uvcloth.methods.physics.outfit import CagedGarment, CagedOutfit, PhysicsConfig, make_caged_outfit
-from uvcloth.player.sections import pack
+from uvcloth.bodies.body import Body
+from uvcloth.methods.physics.caged_garment import CagedGarment
+from uvcloth.physics.cloth.solver import Solver
+from uvcloth.physics.outfit_clearing import OutfitClearing
 
 
-def bake_outfit(outfit: Outfit, config: PhysicsConfig) -> bytes:
-    """Bake an outfit for the body that it is worn on, as `uvcloth.player.outfit.Outfit` reads it.
+def baked_sections(
+    body: Body,
+    garments: Sequence[CagedGarment],
+    solver: Solver,
+    clearing: OutfitClearing,
+    hold: NDArray[np.floating],
+) -> dict[str, NDArray[Any]]:
+    """The arrays of a baked outfit, by their names in runtime/src/outfit.h.
 
-    Raises InputError as `make_caged_outfit` does, and for a body with pose shapes.
+    solver: of all cages. clearing: of the garments. hold: (n,) 1/s, the attachment of bands.
     """
-    if outfit.body.pose_shapes is not None:
-        raise InputError(f"body {outfit.body.name}: pose shapes cannot be baked, only blend weights")
-    return pack(baked_sections(outfit, make_caged_outfit(outfit, config)))
-
-
-def baked_sections(outfit: Outfit, caged: CagedOutfit) -> dict[str, NDArray[Any]]:
-    """The arrays of a baked outfit, by their names in runtime/src/outfit.h."""
-    body, clearing, solver = outfit.body, caged.clearing, caged.solver
-    garments, settings = caged.garments, solver.settings
+    settings = solver.settings
     rims = [rim.numpy() for rim in clearing.closed.rims]
     first = len(body.mesh.vertices)
     shown = [
@@ -39,7 +37,7 @@ def baked_sections(outfit: Outfit, caged: CagedOutfit) -> dict[str, NDArray[Any]
         **shapes,
         "outfit.size": np.array([clearing.size]),
         "outfit.used": clearing.used.numpy(),
-        "outfit.hold": caged.hold,
+        "outfit.hold": hold,
         "outfit.shown_starts": _starts([len(each) for each in shown]),
         "outfit.shown": np.concatenate(shown),
         "settings.needed": np.array([max(settings.substeps, 1.0 / (settings.safety * solver.stable_step))]),

@@ -23,16 +23,9 @@ from uvcloth.methods.capabilities import (
 from uvcloth.methods.finish_names import FINISHES, FinishName
 from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method, Traits
-from uvcloth.methods.physics.method import (
-    BakedPhysics,
-    Physics,
-    Worn,
-    as_input_errors,
-    dressed,
-    moved_on,
-    shown,
-)
+from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import CagedOutfit
+from uvcloth.methods.physics.worn import Worn, dressed, move_on, settle, shown
 from uvcloth.player.outfit import Cloth
 
 PULL = 2.0
@@ -75,12 +68,12 @@ class Finish(Wrapper, Representation):
         """The reason of the method, or of the solver."""
         return self.guide.unsupported_reason(outfit) or self.physics.unsupported_reason(outfit)
 
-    def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, BakedPhysics]:
+    def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, CagedOutfit]:
         """Prepare the method on a device, and the solver on the CPU."""
         return self.guide.prepare(outfit, device), self.physics.prepare(outfit, device)
 
     def round_trip(
-        self, prepared: tuple[Any, BakedPhysics], frames: BodyFrames, garments: tuple[Tensor, ...]
+        self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames, garments: tuple[Tensor, ...]
     ) -> tuple[Tensor, ...] | None:
         """Garments (B, N, 3) m as the cages carry them: what the method cannot show, the solver may add."""
         return self.physics.round_trip(prepared[1], frames, garments)
@@ -96,29 +89,29 @@ class Finished(Finish):
 
     traits = Traits(autoregressive=True, keeps_off_body=True, reads_fabric=True)
 
-    def init(self, prepared: tuple[Any, BakedPhysics], frames: BodyFrames) -> FinishState:
+    def init(self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames) -> FinishState:
         """Start the method and the solver."""
         guide, cages = prepared
         return FinishState(self.guide.init(guide, frames), self.physics.init(cages, frames))
 
     def step(
-        self, prepared: tuple[Any, BakedPhysics], state: FinishState, frames: BodyFrames
+        self, prepared: tuple[Any, CagedOutfit], state: FinishState, frames: BodyFrames
     ) -> tuple[FinishState, tuple[Tensor, ...]]:
         """Garments (B, N, 3) m of the next frame of B rollouts."""
-        guide, physics = prepared
+        guide, cages = prepared
         guided, raw = self.guide.step(guide, state.guide, frames)
         following, rows = [], []
         for place, before in enumerate(state.cloth):
             cloth, predicted = before.recalled(), [garment[place].cpu() for garment in raw]
-            cloth.pull(_targets(physics.caged, frames, place, predicted), self.pull)
-            moved_on(cloth, frames.joints[place].numpy(), frames.fps)
+            cloth.pull(_targets(cages, frames, place, predicted), self.pull)
+            move_on(cloth, frames.joints[place], frames.fps)
             following.append(Worn.after(cloth))
             rows.append(_where_finite(predicted, shown(cloth, frames.origin[place])))
         finished = tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
         guided = feed_back(self.guide, guide, guided, finished)
         return FinishState(guided, tuple(following)), finished
 
-    def displaced(self, prepared: tuple[Any, BakedPhysics], state: FinishState, shift: Tensor) -> FinishState:
+    def displaced(self, prepared: tuple[Any, CagedOutfit], state: FinishState, shift: Tensor) -> FinishState:
         """The state of the method displaced by (B, 3) m: that of the solver is in the world."""
         return replace(state, guide=self.guide.displaced(prepared[0], state.guide, shift))
 
@@ -135,30 +128,29 @@ class Settled(Finish):
         """Those of the method: the solver remembers nothing."""
         return replace(self.guide.traits, keeps_off_body=True, reads_fabric=True, is_baseline=False)
 
-    def init(self, prepared: tuple[Any, BakedPhysics], frames: BodyFrames) -> Any:
+    def init(self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames) -> Any:
         """State of the method alone."""
         return self.guide.init(prepared[0], frames)
 
     def step(
-        self, prepared: tuple[Any, BakedPhysics], state: Any, frames: BodyFrames
+        self, prepared: tuple[Any, CagedOutfit], state: Any, frames: BodyFrames
     ) -> tuple[Any, tuple[Tensor, ...]]:
         """Garments (B, N, 3) m of B poses; a method remembers its own predictions."""
-        guide, physics = prepared
+        guide, cages = prepared
         state, raw = self.guide.step(guide, state, frames)
         rows = []
-        for place, joints in enumerate(frames.joints.numpy()):
+        for place, joints in enumerate(frames.joints):
             predicted = [garment[place].cpu() for garment in raw]
             if self.pull > 0.0:
-                cloth = Cloth(physics.baked)
-                cloth.pull(_targets(physics.caged, frames, place, predicted), self.pull)
-                with as_input_errors():
-                    cloth.start(joints)
+                cloth = Cloth(cages.baked)
+                cloth.pull(_targets(cages, frames, place, predicted), self.pull)
+                settle(cloth, joints)
             else:
-                cloth = dressed(physics, joints).cloth
+                cloth = dressed(cages, joints)
             rows.append(_where_finite(predicted, shown(cloth, frames.origin[place])))
         return state, tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
 
-    def displaced(self, prepared: tuple[Any, BakedPhysics], state: Any, shift: Tensor) -> Any:
+    def displaced(self, prepared: tuple[Any, CagedOutfit], state: Any, shift: Tensor) -> Any:
         """The state of the method displaced by (B, 3) m."""
         return self.guide.displaced(prepared[0], state, shift)
 
@@ -214,6 +206,6 @@ def _targets(
         ]
     )
     if not torch.isfinite(guided).all():
-        skinned = torch.from_numpy(cages.skinned_cages(frames.transforms[place, -1].cpu()))
+        skinned = cages.skinned_cages(frames.transforms[place, -1].cpu())
         guided = torch.where(torch.isfinite(guided).all(1, keepdim=True), guided, skinned)
     return (guided.double() + frames.origin[place]).numpy()
