@@ -45,16 +45,16 @@ typedef struct uvc_cloth uvc_cloth;
 UVC_API uvc_cloth *uvc_new(const uvc_outfit *outfit);
 UVC_API void uvc_drop(uvc_cloth *cloth);
 
-/* Lets cloth come to rest on the body in its first pose. joints: (J, 3, 4), row by row, the transforms of the
- * joints from the rest pose: a turn, without scale, and a shift in metres, in any place of the world. Takes as
- * long as 65 steps. Returns 1, or 0 and a sentence, as uvc_read does, for joints that are not finite and cloth
- * that finds no rest. The garments can be shown then. */
+/* Lets cloth come to rest on the body in its first pose, where uvc_vertices has it then. joints: (J, 3, 4), row
+ * by row, the transforms of the joints from the rest pose: a turn, without scale, and a shift in metres, in any
+ * place of the world. Takes as long as 65 steps. Returns 1, or 0 and a sentence, as uvc_read does, for joints
+ * that are not finite and cloth that finds no rest, which has to be started again. */
 UVC_API int uvc_start(uvc_cloth *cloth, const double *joints, char *message, size_t room);
 
 /* Moves cloth on to the pose of joints, `seconds` later. The first step after uvc_start is to the pose of the
- * first frame. Returns 1, or 0 and a sentence for joints that are not finite, a body that is faster than
- * 40 m/s past the cloth (start again after a cut), a frame without length, and cloth that flies apart; the
- * cloth stays as it was then. */
+ * first frame. Returns 1, or 0 and a sentence for cloth that was not started, joints that are not finite,
+ * a body that is faster than 40 m/s past the cloth or jumps (start again after a cut), a frame without length,
+ * and cloth that flies apart; the cloth stays as it was then. */
 UVC_API int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, char *message, size_t room);
 
 /* Pulls the cages, on which the cloth is solved, to points (n, 3), m, in the world of the joints, by springs of

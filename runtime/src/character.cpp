@@ -11,7 +11,8 @@ constexpr float CLEARANCE = 0.003f, CLEARING_REACH = 0.03f;
 // energy.
 constexpr float HOLD_DAMPING = 0.7f, PULL_DAMPING = 0.3f;
 
-// Greatest speed of a body, m/s, relative to the mean of the cloth, that can be followed.
+// Greatest speed of a body, m/s, relative to the mean of the cloth, and greatest change of the speed of that in a
+// frame, that can be followed.
 constexpr float FASTEST_BODY = 40.0f;
 
 // Times that a frame is repeated, each with twice the substeps.
@@ -25,6 +26,9 @@ constexpr int POSING_FRAMES = 20, SETTLING_FRAMES = 45;
 
 // Seconds of these frames.
 constexpr float SETTLING_SECONDS = 1.0f / 30.0f;
+
+// Greatest number of a joint's transform: m, as far as the earth reaches.
+constexpr double FARTHEST = 1e7;
 
 // Rotation and shift of a joint from rest, relative to an origin, for skinning.
 void write_transform(const Rigid &joint, Vec64 origin, float *row) {
@@ -107,6 +111,9 @@ float fastest(Array<Vec> start, Array<Vec> end) {
     return root(squared);
 }
 
+// An interval in whole substeps.
+int whole(float substeps) { return most((int)least(substeps, (float)MOST_SUBSTEPS), 1); }
+
 // Where the cloth may be at the end of a frame, until it is known that it stays together.
 struct Next {
     Vec64 origin, drift;
@@ -149,6 +156,13 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
                     (int)least(past, 1e9f), (int)FASTEST_BODY);
         return false;
     }
+    Vec64 change = next.drift - character.drift;
+    float jump = (float)__builtin_sqrt(dot(change, change));
+    if (character.steps > 1 && !(jump <= FASTEST_BODY)) {
+        failure.say("the body jumps, by %d m/s in a frame, the limit is %d m/s: start the cloth again",
+                    (int)least(jump, 1e9f), (int)FASTEST_BODY);
+        return false;
+    }
     double needed = (double)seconds * settings.needed;
     if (!(needed < MOST_SUBSTEPS)) {
         failure.say("a frame of %d s needs too many substeps", (int)least(seconds, 1e9f));
@@ -184,8 +198,8 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
     int substeps = most((int)__builtin_ceil(needed), 1);
     for (int attempt = 0; attempt <= RETRIES; attempt++, substeps *= 2) {
         motion.substeps = substeps;
-        motion.interval = most((int)((float)substeps * settings.interval / seconds + 0.5f), 1);
-        motion.body_interval = most((int)((float)substeps * body_interval / seconds), 1);
+        motion.interval = whole((float)substeps * settings.interval / seconds + 0.5f);
+        motion.body_interval = whole((float)substeps * body_interval / seconds);
         next.positions = arena.copy(character.positions);
         next.velocities = arena.copy(speeds);
         next.searched = {arena.copy(character.searched.faces, rows).data,
@@ -239,15 +253,19 @@ void carry(Character &character) {
     cover_skin(outfit.clearing, points.data, skin.data);
     lift(outfit.clearing.layers, outfit.clearing.rings, points.data, CLEARANCE, 1);
     for (Vec &point : points) point = outfit.size * point;
+    character.shown_origin = posed.origin;
 }
 
-bool are_finite(const Rigid *joints, int count, Failure &failure) {
+bool is_near(double number) { return __builtin_fabs(number) <= FARTHEST; }
+
+bool are_places(const Rigid *joints, int count, Failure &failure) {
     for (int joint = 0; joint < count; joint++) {
         const Rigid &one = joints[joint];
-        double total = one.shift.x + one.shift.y + one.shift.z;
-        for (int i = 0; i < 9; i++) total += one.turn.at[i / 3][i % 3];
-        if (!is_finite(total)) {
-            failure.say("the transform of joint %d is not finite", joint);
+        bool near = is_near(one.shift.x) && is_near(one.shift.y) && is_near(one.shift.z);
+        for (const auto &row : one.turn.at)
+            for (double number : row) near = near && is_near(number);
+        if (!near) {
+            failure.say("the transform of joint %d is not finite, or beyond 10,000 km", joint);
             return false;
         }
     }
@@ -268,7 +286,8 @@ void forget(Character &character) {
 }  // namespace
 
 Character::Character(const Outfit &outfit)
-    : outfit(outfit), place{1, 0, {}}, steps(0), solved(0), rate(0), origin{}, drift{} {
+    : outfit(outfit), is_started(false), place{1, 0, {}}, steps(0), solved(0), rate(0), origin{}, drift{},
+      shown_origin{} {
     int cages = outfit.cages.vertices(), rows = outfit.solver.collider.parts * cages;
     guide = arena.take<Vec64>(cages);
     positions = arena.take<Vec>(cages);
@@ -286,7 +305,7 @@ Character::Character(const Outfit &outfit)
 bool start(Character &character, const Rigid *joints, Failure &failure) {
     const Skeleton &skeleton = character.outfit.skeleton;
     int count = skeleton.parents.size;
-    if (!are_finite(joints, count, failure)) return false;
+    if (!are_places(joints, count, failure)) return false;
     Arena work;
     Array<Rigid> transforms = work.copy(joints, count), way = work.take<Rigid>(count);
     Place before = character.place;
@@ -295,6 +314,7 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
     for (Vec64 &point : character.guide) point = brought_in(character.place, point);
     bring_in(character.place, transforms.data, count);
     forget(character);
+    character.is_started = false;
     Pose pose = read_pose(skeleton, transforms.data, work);
     double energy = 0;
     int first = character.rate > 0 ? POSING_FRAMES : 0;
@@ -329,12 +349,19 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
         }
     }
     carry(character);
+    // Clearing starts anew with the first frame, as it does where nothing was shown before.
+    begin(character.outfit.clearing, character.memory);
+    character.is_started = true;
     return true;
 }
 
 bool step(Character &character, const Rigid *joints, float seconds, Failure &failure) {
     int count = character.outfit.skeleton.parents.size;
-    if (!are_finite(joints, count, failure)) return false;
+    if (!are_places(joints, count, failure)) return false;
+    if (!character.is_started) {
+        failure.say("the cloth has not come to rest yet: start it first");
+        return false;
+    }
     if (!(seconds > 0)) {
         failure.say("a frame takes no time");
         return false;

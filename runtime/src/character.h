@@ -18,13 +18,15 @@ struct Posed {
 // steps: since the start; solved: frames that were solved. guide: (n) m, and rate, 1/s: what pulls the cages,
 // if the rate is not 0. origin: mean of the cages' targets, m;
 // drift: m/s, its velocity. positions, m, and velocities, m/s, of the cloth (n), targets (n) and collider (C)
-// are around that origin. memory: of the clearing. shown: (U) points around the origin of `posed`.
+// are around that origin. memory: of the clearing. shown: (U) points around shown_origin; `posed` is of the last
+// pose that was asked for, shown of the last that the cloth could follow.
 struct Character {
     const Outfit &outfit;
+    bool is_started;
     Place place;
     int steps, solved;
     float rate;
-    Vec64 origin, drift;
+    Vec64 origin, drift, shown_origin;
     Array<Vec64> guide;
     Array<Vec> positions, velocities, targets, body, shown;
     Searched searched;

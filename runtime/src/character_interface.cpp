@@ -99,7 +99,7 @@ void uvc_vertices(const uvc_cloth *cloth, int garment, double *vertices) {
     int first = outfit.shown_starts[garment], count = outfit.shown_starts[garment + 1] - first;
     uvc::Vec64 *places = reinterpret_cast<uvc::Vec64 *>(vertices);
     for (int k = 0; k < count; k++)
-        places[k] = uvc::wide(character.shown[outfit.shown[first + k]]) + character.posed.origin;
+        places[k] = uvc::wide(character.shown[outfit.shown[first + k]]) + character.shown_origin;
     uvc::bring_back(character.place, places, count);
 }
 

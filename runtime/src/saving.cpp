@@ -34,13 +34,14 @@ void walk_over(Character &character, Walk &walk) {
     Header header = header_of(character);
     int rows = character.outfit.solver.collider.parts * header.cages;
     walk.one(header);
+    walk.one(character.is_started);
     walk.one(character.place);
     walk.one(character.steps);
     walk.one(character.solved);
     walk.one(character.rate);
     walk.one(character.origin);
     walk.one(character.drift);
-    walk.one(character.posed.origin);
+    walk.one(character.shown_origin);
     walk.all(character.guide);
     walk.all(character.positions);
     walk.all(character.velocities);

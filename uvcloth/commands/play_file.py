@@ -80,9 +80,8 @@ def _motion(command: Play, baked: BakedFile) -> JointMotion:
 def _dressed(cloth: Cloth, motion: JointMotion, garments: int) -> Iterator[list[np.ndarray]]:
     """Vertices (N, 3) m of each garment, frame after frame."""
     cloth.start(motion.transforms[0])
-    for frame, transforms in enumerate(motion.transforms):
-        if frame:
-            cloth.step(transforms, 1.0 / motion.fps)
+    for transforms in motion.transforms:
+        cloth.step(transforms, 1.0 / motion.fps)
         yield [cloth.vertices(garment).astype(np.float32) for garment in range(garments)]
 
 

@@ -57,6 +57,7 @@ class Cloth:
     def step(self, joints: Joints, seconds: float) -> None:
         """Move the cloth on to the pose of joints (J, 3, 4), so many seconds later.
 
+        The first step after `start` is to the pose of the first frame.
         Raises ValueError with the runtime's sentence for joints that are not finite, or not as many, a body
         that is faster than 40 m/s, and cloth that flies apart; it stays as it was then.
         """
@@ -93,8 +94,9 @@ class Cloth:
 
     def vertices(self, garment: int) -> NDArray[np.float64]:
         """Vertices (V, 3) m of a garment, in the world of the joints."""
-        places = np.empty((self.outfit.garments[garment], 3))
-        library().uvc_vertices(self._handle, garment, pointer(places))
+        index = range(len(self.outfit.garments))[garment]
+        places = np.empty((self.outfit.garments[index], 3))
+        library().uvc_vertices(self._handle, index, pointer(places))
         return places
 
     def _do(self, function: "ctypes._NamedFuncPointer", joints: Joints, *more: ctypes.c_double) -> None:
