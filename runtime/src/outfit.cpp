@@ -48,7 +48,7 @@ void read_outfit(const Sections &sections, Outfit &outfit, Failure &failure) {
     Array<int32_t> tips = read_integers(sections, "caps.tips", -1, 1, arena, failure);
     int vertices = outfit.body.vertices() + tips.size;
     outfit.caps = read_caps(sections, vertices, arena, failure);
-    outfit.opening = read_opening(sections, vertices, arena, failure);
+    read_opening(sections, vertices, outfit.opening, arena, failure);
     outfit.used = read_indices(sections, "outfit.used", -1, 1, 0, vertices, arena, failure);
     read_solver(sections, outfit.solver, failure);
     read_clearing(sections, outfit.clearing, failure);
