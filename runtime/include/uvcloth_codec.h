@@ -20,6 +20,11 @@ UVC_API int64_t uvc_encode_numbers(const int64_t *values, int64_t times, int64_t
 UVC_API int64_t uvc_decode_numbers(const uint8_t *code, int64_t size, int64_t *values, int64_t times,
                                    int64_t waves, int64_t columns, int64_t stride);
 
+/* Encodes the numbers (rows, columns) of a section of a baked outfit, into `code`, which has `room` bytes.
+ * Returns the bytes that it takes; if these are more, only what fits is written. */
+UVC_API int64_t uvc_encode_section(const int32_t *numbers, int rows, int columns, uint8_t *code,
+                                   int64_t room);
+
 /* Whether this processor runs code for x86-64-v3 (AVX2, FMA, BMI), for which a second library is compiled. */
 UVC_API int uvc_has_v3(void);
 

@@ -36,13 +36,6 @@ typedef struct uvc_graph {
 UVC_API void uvc_thin_out(const uvc_graph *graph, const int32_t *order, int count, float spacing,
                           float *clear);
 
-/* Finds the vertices within `limit` along the surface of each vertex whose clear (vertices) is not negative.
- * Sets firsts (vertices + 1), the first row of each vertex; rows, the nearest first, are vertices in `others`
- * and their distances less that of clear in `ways`. Returns how many rows there are; those beyond `room` are
- * not stored. */
-UVC_API int uvc_along_skin(const uvc_graph *graph, const float *clear, float limit, int32_t *firsts,
-                           int32_t *others, float *ways, int room);
-
 #ifdef __cplusplus
 }
 #endif

@@ -82,9 +82,9 @@ int spread(const Opening &opening, OpeningWork &work, const Pushed &point, int a
     if (size <= 0) return amount;
     Vec way = (1.0f / size) * point.way;
     int vertex = opening.sides.vertices[point.row];
-    for (int k = opening.spread_starts[vertex]; k < opening.spread_starts[vertex + 1]; k++) {
-        int other = opening.spread_vertices[k];
-        float left = point.push - opening.slope * opening.spread_lengths[k];
+    for (int k = opening.spread.starts[vertex]; k < opening.spread.starts[vertex + 1]; k++) {
+        int other = opening.spread.others.items[k];
+        float left = point.push - opening.slope * opening.spread.ways.items[k];
         if (left <= 0) break;
         if (allowed(opening, point.side, other) <= 0) continue;
         if (!work.is_active[other]) {
@@ -158,32 +158,40 @@ void find_rows(Opening &opening, Arena &arena) {
         opening.vertex_rows[ends[sides.points[point]]++] = sides.rows[point];
 }
 
+// Vertices of the skin at rest, m: no more than so many.
+Array<Vec> read_skin_rest(const Sections &sections, int vertices, Arena &arena, Failure &failure) {
+    Array<float> rest = read_floats(sections, "skin.rest", -1, 3, arena, failure);
+    if (rest.size / 3 > vertices) failure.say("the skin of the outfit has more vertices than its collider");
+    return {reinterpret_cast<Vec *>(rest.data), rest.size / 3};
+}
+
 }  // namespace
 
-Opening read_opening(const Sections &sections, int vertices, Arena &arena, Failure &failure) {
+void read_opening(const Sections &sections, int vertices, Opening &opening, Arena &arena, Failure &failure) {
     Arena work;
-    Opening opening{};
     opening.vertices = vertices;
-    opening.sides = read_sides(sections, vertices, arena, failure);
+    Array<Vec> rest = read_skin_rest(sections, vertices, work, failure);
+    Array<int32_t> corners = read_indices(sections, "opening.faces", -1, 3, 0, rest.size, work, failure);
+    Array<Face> faces{reinterpret_cast<Face *>(corners.data), corners.size / 3};
+    Array<float> clear = read_floats(sections, "opening.clear", vertices, 1, work, failure);
+    float reach = read_number(sections, "opening.reach", failure);
+    if (failure.failed) return;
+    Graph graph = make_graph(faces, rest.data, vertices, work);
+    opening.sides = read_sides(sections, faces, graph, arena, failure);
     int count = opening.sides.sides, points = opening.sides.points.size;
     Array<float> want = read_floats(sections, "opening.want", points, 1, work, failure);
     opening.allowed = read_floats(sections, "opening.allowed", count, vertices, arena, failure);
     opening.slope = read_number(sections, "opening.slope", failure);
-    opening.spread_vertices =
-        read_indices(sections, "opening.spread_vertices", -1, 1, 0, vertices, arena, failure);
-    int entries = opening.spread_vertices.size;
-    opening.spread_lengths = read_floats(sections, "opening.spread_lengths", entries, 1, arena, failure);
-    opening.spread_starts =
-        read_starts(sections, "opening.spread_starts", vertices, entries, arena, failure);
     opening.tips = read_indices(sections, "opening.tips", -1, 1, 0, vertices, arena, failure);
     opening.rims = read_indices(sections, "opening.rims", -1, 1, 0, vertices, arena, failure);
     opening.rim_starts =
         read_starts(sections, "opening.rim_starts", opening.tips.size, opening.rims.size, arena, failure);
-    if (failure.failed) return {};
+    if (failure.failed) return;
+    if (!along_skin(graph, clear.data, reach, opening.spread, arena))
+        failure.say("opening.reach of the outfit takes in too much of the skin");
     opening.want = arena.take<float>(opening.sides.vertices.size);
     for (int point = 0; point < points; point++) opening.want[opening.sides.rows[point]] = want[point];
     find_rows(opening, arena);
-    return opening;
 }
 
 OpeningWork make_opening_work(const Opening &opening, Arena &arena) {

@@ -1,6 +1,7 @@
 // Opened colliders: parts that mocap presses into each other are pushed apart, so that cloth has room.
 #pragma once
 
+#include "surface_graph.h"
 #include "walls.h"
 
 namespace uvc {
@@ -10,20 +11,22 @@ namespace uvc {
 // want: m, of each place in the groups, distance that the point keeps from the other part. allowed: (S C) m,
 // longest push of each vertex. slope: change of a push along the skin, metres for each metre.
 //
-// spread_vertices: the vertices that move with a point, from spread_starts (C + 1) of its vertex on, the nearest
-// first; spread_lengths: m, their distances along the skin. tips: of the caps, and rims: the vertices around
+// spread: the vertices that move with a point, by its vertex. tips: of the caps, and rims: the vertices around
 // each, from rim_starts on. vertex_rows: places in the groups of each vertex, from row_starts (C + 1) on.
 struct Opening {
     int vertices;
     Sides sides;
-    Array<float> want, allowed, spread_lengths;
-    Array<int32_t> spread_starts, spread_vertices, tips, rim_starts, rims, row_starts, vertex_rows;
+    Array<float> want, allowed;
+    Spread spread;
+    Array<int32_t> tips, rim_starts, rims, row_starts, vertex_rows;
     float slope;
 };
 
-// Reads what `read_sides` does, and "opening.want" (P), ".allowed" (S, C), ".slope" (1), ".spread_starts"
-// (C + 1), ".spread_vertices" (M), ".spread_lengths" (M), ".tips" (T), ".rim_starts" (T + 1), ".rims" (E).
-Opening read_opening(const Sections &sections, int vertices, Arena &arena, Failure &failure);
+// Reads what `read_sides` does, and "skin.rest" (V, 3) m, whose vertices are the first of the collider's;
+// "opening.faces" (F, 3) of the skin of all parts, "opening.clear" (C) m, -1 for vertices that are no points;
+// "opening.reach" (1) m, as far as a push of a point reaches along the skin; "opening.want" (P), ".allowed"
+// (S, C), ".slope" (1), ".tips" (T), ".rim_starts" (T + 1), ".rims" (E).
+void read_opening(const Sections &sections, int vertices, Opening &opening, Arena &arena, Failure &failure);
 
 // A point that is pushed, by `push` m, at most by `limit` m. way: unit, off its wall, or none if nothing
 // measures the point.

@@ -33,7 +33,7 @@ uvc_opening *uvc_read_opening(const void *bytes, size_t size, int vertices, char
     }
     uvc_opening *opening = new (place) uvc_opening;
     uvc::Sections sections = uvc::read_sections(bytes, size, failure);
-    if (!failure.failed) opening->data = uvc::read_opening(sections, vertices, opening->arena, failure);
+    if (!failure.failed) uvc::read_opening(sections, vertices, opening->data, opening->arena, failure);
     if (!failure.failed) return opening;
     uvc_free_opening(opening);
     return nullptr;
@@ -59,11 +59,6 @@ void uvc_opening_distances(const uvc_opening *opening, const float *vertices, fl
 
 void uvc_thin_out(const uvc_graph *graph, const int32_t *order, int count, float spacing, float *clear) {
     uvc::thin_out(uvc::graph_of(*graph), {order, count}, spacing, clear);
-}
-
-int uvc_along_skin(const uvc_graph *graph, const float *clear, float limit, int32_t *firsts, int32_t *others,
-                   float *ways, int room) {
-    return uvc::along_skin(uvc::graph_of(*graph), clear, limit, firsts, {others, room}, {ways, room});
 }
 
 }  // extern "C"

@@ -1,5 +1,8 @@
 #include "outfit.h"
 
+#include "derived.h"
+#include "shares.h"
+
 namespace uvc {
 
 namespace {
@@ -23,7 +26,6 @@ SolverSettings read_settings(const Sections &sections, Failure &failure) {
 void check_sizes(const Outfit &outfit, Failure &failure) {
     const Outfit &o = outfit;
     if (failure.failed) return;
-    if (!(o.size > 0)) failure.say("the size of the outfit's body is not positive");
     if (o.cages.vertices() != o.solver.particles.mass.size)
         failure.say("the outfit's cages have not as many vertices as its cloth");
     if (o.points.vertices() != o.clearing.rest.size)
@@ -36,8 +38,10 @@ void check_sizes(const Outfit &outfit, Failure &failure) {
 
 }  // namespace
 
-void read_outfit(const Sections &sections, Outfit &outfit, Failure &failure) {
-    Arena &arena = outfit.arena;
+void read_outfit(const Sections &stored, Outfit &outfit, Failure &failure) {
+    Arena work, &arena = outfit.arena;
+    Sections sections = stored;
+    derive_sections(sections, work, failure);
     outfit.size = read_number(sections, "outfit.size", failure);
     outfit.skeleton = read_skeleton(sections, arena, failure);
     int joints = outfit.skeleton.parents.size;
@@ -45,21 +49,22 @@ void read_outfit(const Sections &sections, Outfit &outfit, Failure &failure) {
     outfit.cages = read_skin(sections, "cages", joints, arena, failure);
     outfit.points = read_skin(sections, "points", joints, arena, failure);
     int cages = outfit.cages.vertices(), points = outfit.points.vertices();
-    if (has(sections, "outfit.shapes") && joints > 0)
-        outfit.shapes = read_floats(sections, "outfit.shapes", 9 * (joints - 1), 3 * outfit.body.vertices(),
-                                    arena, failure);
+    int numbers = 3 * outfit.body.vertices();
+    outfit.shapes = read_floats(sections, "outfit.shapes", -1, numbers, arena, failure);
+    if (outfit.shapes.size && outfit.shapes.size != 9 * (joints - 1) * numbers)
+        failure.say("section outfit.shapes of the outfit has not nine rows for each joint but the root");
     Array<int32_t> tips = read_integers(sections, "caps.tips", -1, 1, arena, failure);
     int vertices = outfit.body.vertices() + tips.size;
     outfit.caps = read_caps(sections, vertices, arena, failure);
-    outfit.opening = read_opening(sections, vertices, arena, failure);
+    read_opening(sections, vertices, outfit.opening, arena, failure);
     outfit.used = read_indices(sections, "outfit.used", -1, 1, 0, vertices, arena, failure);
     read_solver(sections, outfit.solver, failure);
     read_clearing(sections, outfit.clearing, failure);
     outfit.settings = read_settings(sections, failure);
     outfit.hold = read_floats(sections, "outfit.hold", cages, 1, arena, failure);
     outfit.cage = read_indices(sections, "follow.cage", -1, 1, 0, cages, arena, failure);
-    outfit.cage_weights = read_floats(sections, "follow.weights", outfit.cage.size, 1, arena, failure);
     outfit.cage_starts = read_starts(sections, "follow.starts", points, outfit.cage.size, arena, failure);
+    outfit.cage_weights = read_shares(sections, "follow.weights", outfit.cage_starts, arena, failure);
     Array<int32_t> starts = read_integers(sections, "garments.starts", -1, 1, arena, failure);
     int garments = most(starts.size - 1, 0);
     outfit.starts = read_starts(sections, "garments.starts", garments, points, arena, failure);

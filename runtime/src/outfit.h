@@ -44,10 +44,10 @@ struct Outfit {
     int garments() const { return starts.size - 1; }
 };
 
-// Reads what `read_skeleton`, `read_caps`, `read_opening`, `read_solver` and `read_clearing` do, skins named
-// "body", "cages" and "points", and the arrays above as "outfit.size", "outfit.used", "outfit.hold",
-// "outfit.shown_starts", "outfit.shown", "outfit.shapes" where it is there, "follow.starts", "follow.cage", "follow.weights", and
-// "settings.needed" to "settings.hinge_interval".
-void read_outfit(const Sections &sections, Outfit &outfit, Failure &failure);
+// Reads what `derive_sections`, `read_skeleton`, `read_caps`, `read_opening`, `read_solver` and `read_clearing`
+// do, skins named "body", "cages" and "points", and the arrays above as "outfit.size", "outfit.used",
+// "outfit.hold", "outfit.shapes", "outfit.shown_starts", "outfit.shown", "follow.starts",
+// "follow.cage", the shares "follow.weights", and "settings.needed" to "settings.hinge_interval".
+void read_outfit(const Sections &stored, Outfit &outfit, Failure &failure);
 
 }  // namespace uvc

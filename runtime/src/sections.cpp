@@ -1,15 +1,18 @@
 #include "sections.h"
 
+#include "section_coder.h"
+
 namespace uvc {
 
 namespace {
 
 constexpr char MAGIC[8] = {'U', 'V', 'C', 'L', 'O', 'T', 'H', 0};
-constexpr uint32_t VERSION = 1;
+constexpr uint32_t VERSION = 2;
 constexpr int NAME = 32;
 constexpr int MOST_ROWS = 1 << 24;
 
-enum Kind : uint32_t { FLOATS = 0, INTEGERS = 1 };
+// What the coded whole numbers are: the bits of floats, themselves, or steps of a float.
+enum Kind : uint32_t { FLOATS = 0, INTEGERS = 1, STEPS = 2 };
 
 // All numbers are little-endian, as are all machines that this runs on.
 struct Header {
@@ -19,7 +22,8 @@ struct Header {
 
 struct Entry {
     char name[NAME];
-    uint32_t kind, rows, columns, offset;
+    uint32_t kind, rows, columns, offset, size;
+    float step;
 };
 
 // Checksum by Adler (RFC 1950), over all bytes after the header's checksum.
@@ -52,26 +56,55 @@ bool find(const Sections &sections, const char *name, Entry &found) {
     return false;
 }
 
-template <class T>
-Array<T> read(const Sections &sections, const char *name, Kind kind, int rows, int columns, Arena &arena,
-              Failure &failure) {
-    Entry entry;
+const Derived *find_derived(const Sections &sections, const char *name) {
+    for (int k = 0; k < sections.derived_count; k++)
+        if (strcmp(sections.derived[k].name, name) == 0) return &sections.derived[k];
+    return nullptr;
+}
+
+bool check_shape(const char *name, bool is_float, int has_rows, int has_columns, bool is_wanted_float, int rows,
+                 int columns, Failure &failure) {
+    if (is_float != is_wanted_float || has_columns != columns)
+        failure.say("section %s of the outfit has not %d columns of its type", name, columns);
+    else if (rows >= 0 && has_rows != rows)
+        failure.say("section %s of the outfit has %d rows, %d were expected", name, has_rows, rows);
+    return !failure.failed;
+}
+
+// Numbers of a section: whole ones, or the bits of floats.
+Array<int32_t> read(const Sections &sections, const char *name, bool is_float, int rows, int columns,
+                    Arena &arena, Failure &failure) {
     if (failure.failed) return {};
+    if (const Derived *derived = find_derived(sections, name)) {
+        if (!check_shape(name, derived->is_float, derived->rows, derived->columns, is_float, rows, columns,
+                         failure))
+            return {};
+        return arena.copy(static_cast<const int32_t *>(derived->numbers), derived->rows * columns);
+    }
+    Entry entry;
     if (!find(sections, name, entry)) {
         failure.say("the outfit has no section %s", name);
         return {};
     }
-    if (entry.kind != kind || entry.columns != (uint32_t)columns) {
-        failure.say("section %s of the outfit has not %d columns of its type", name, columns);
+    if (!check_shape(name, entry.kind != INTEGERS, (int)entry.rows, (int)entry.columns, is_float, rows,
+                     columns, failure))
+        return {};
+    Array<int32_t> numbers = arena.take<int32_t>((int)(entry.rows * entry.columns));
+    if (!decode_section(sections.bytes + entry.offset, entry.size, columns, numbers)) {
+        failure.say("section %s of the outfit is cut", name);
         return {};
     }
-    if (rows >= 0 && entry.rows != (uint32_t)rows) {
-        failure.say("section %s of the outfit has %d rows, %d were expected", name, (int)entry.rows, rows);
-        return {};
+    if (entry.kind != STEPS) return numbers;
+    for (int32_t &number : numbers) {
+        float value = entry.step * (float)number;
+        memcpy(&number, &value, sizeof(value));
     }
-    Array<T> array = arena.take<T>((int)(entry.rows * entry.columns));
-    if (array.size) memcpy(array.data, sections.bytes + entry.offset, sizeof(T) * (size_t)array.size);
-    return array;
+    return numbers;
+}
+
+void add_derived(Sections &sections, Derived derived) {
+    if (sections.derived_count == MOST_DERIVED) __builtin_trap();
+    sections.derived[sections.derived_count++] = derived;
 }
 
 }  // namespace
@@ -130,7 +163,7 @@ Sections read_sections(const void *data, size_t size, Failure &failure) {
         failure.say("the outfit is cut or damaged");
         return {};
     }
-    Sections sections{bytes, size, header.count};
+    Sections sections{bytes, size, header.count, {}, 0};
     if (header.count > (size - sizeof(Header)) / sizeof(Entry)) {
         failure.say("the outfit has more sections than bytes");
         return {};
@@ -138,8 +171,8 @@ Sections read_sections(const void *data, size_t size, Failure &failure) {
     for (uint32_t k = 0; k < header.count; k++) {
         Entry entry = entry_at(sections, k);
         uint64_t numbers = (uint64_t)entry.rows * entry.columns;
-        if (entry.name[NAME - 1] != 0 || entry.kind > INTEGERS || numbers > MOST_ROWS || entry.offset % 4 ||
-            entry.offset > size || 4 * numbers > size - entry.offset) {
+        if (entry.name[NAME - 1] != 0 || entry.kind > STEPS || entry.rows > MOST_ROWS ||
+            numbers > MOST_ROWS || entry.offset > size || entry.size > size - entry.offset) {
             failure.say("section %d of the outfit lies outside of it", (int)k);
             return {};
         }
@@ -147,14 +180,18 @@ Sections read_sections(const void *data, size_t size, Failure &failure) {
     return sections;
 }
 
-bool has(const Sections &sections, const char *name) {
-    Entry entry;
-    return find(sections, name, entry);
+void derive(Sections &sections, const char *name, Array<float> numbers, int columns) {
+    add_derived(sections, {name, true, numbers.size / columns, columns, numbers.data});
+}
+
+void derive(Sections &sections, const char *name, Array<int32_t> numbers, int columns) {
+    add_derived(sections, {name, false, numbers.size / columns, columns, numbers.data});
 }
 
 Array<float> read_floats(const Sections &sections, const char *name, int rows, int columns, Arena &arena,
                          Failure &failure) {
-    Array<float> values = read<float>(sections, name, FLOATS, rows, columns, arena, failure);
+    Array<int32_t> bits = read(sections, name, true, rows, columns, arena, failure);
+    Array<float> values{reinterpret_cast<float *>(bits.data), bits.size};
     for (float value : values)
         if (!is_finite(value)) {
             failure.say("section %s of the outfit has a number that is not finite", name);
@@ -165,7 +202,7 @@ Array<float> read_floats(const Sections &sections, const char *name, int rows, i
 
 Array<int32_t> read_integers(const Sections &sections, const char *name, int rows, int columns, Arena &arena,
                              Failure &failure) {
-    return read<int32_t>(sections, name, INTEGERS, rows, columns, arena, failure);
+    return read(sections, name, false, rows, columns, arena, failure);
 }
 
 Array<int32_t> read_indices(const Sections &sections, const char *name, int rows, int columns, int low,

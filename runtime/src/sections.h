@@ -17,18 +17,31 @@ struct Failure {
     void say(const char *format, ...);
 };
 
-// Sections of a file, as `uvcloth.player.sections` writes them.
+// A section that a file does not have because it follows from others.
+struct Derived {
+    const char *name;
+    bool is_float;
+    int rows, columns;
+    const void *numbers;
+};
+
+constexpr int MOST_DERIVED = 32;
+
+// Sections of a file, as `uvcloth.player.sections` writes them, and what was derived from them.
 struct Sections {
     const uint8_t *bytes;
     size_t size;
     uint32_t count;
+    Derived derived[MOST_DERIVED];
+    int derived_count;
 };
 
 // Checks header, checksum and the places of all sections.
 Sections read_sections(const void *bytes, size_t size, Failure &failure);
 
-// Whether there is a section of that name.
-bool has(const Sections &sections, const char *name);
+// Adds a section of rows of `columns` numbers, which stay where they are while sections are read.
+void derive(Sections &sections, const char *name, Array<float> numbers, int columns);
+void derive(Sections &sections, const char *name, Array<int32_t> numbers, int columns);
 
 // Copies a section, of `columns` numbers a row, into an arena. Floats have to be finite. A section that is
 // absent, of another type, or not of `rows` rows (if that is not -1) is a failure, and an empty array.

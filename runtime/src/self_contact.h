@@ -2,6 +2,7 @@
 #pragma once
 
 #include "body_contact.h"
+#include "list.h"
 
 namespace uvc {
 
@@ -51,38 +52,6 @@ struct EdgePair {
     Two two;
     Vec direction;
 };
-
-// Rows that grow. Memory is given back with the list.
-template <class T> struct List {
-    Array<T> items;
-    int room = 0;
-
-    List() = default;
-    List(const List &) = delete;
-    ~List() { free(items.data); }
-    void clear() { items.size = 0; }
-    void add(T item) {
-        if (items.size == room) {
-            room = most(2 * room, 256);
-            items.data = static_cast<T *>(realloc(items.data, sizeof(T) * (size_t)room));
-            if (!items.data) __builtin_trap();
-        }
-        items.data[items.size++] = item;
-    }
-    void assign(Array<T> others) {
-        clear();
-        for (const T &item : others) add(item);
-    }
-};
-
-template <class T> void swap(List<T> &a, List<T> &b) {
-    Array<T> items = a.items;
-    int room = a.room;
-    a.items = b.items;
-    a.room = b.room;
-    b.items = items;
-    b.room = room;
-}
 
 // Pairs that are near, with the substeps until each is looked at again, and what a search needs.
 struct SelfContact {

@@ -1,5 +1,7 @@
 #include "skinning.h"
 
+#include "shares.h"
+
 namespace uvc {
 
 namespace {
@@ -47,10 +49,9 @@ Skin read_skin(const Sections &sections, const char *prefix, int joints, Arena &
     Skin skin;
     skin.rest = read_floats(sections, Name(prefix, ".rest").text, -1, 3, arena, failure);
     skin.joints = read_indices(sections, Name(prefix, ".joints").text, -1, 1, 0, joints, arena, failure);
-    int entries = skin.joints.size;
-    skin.weights = read_floats(sections, Name(prefix, ".weights").text, entries, 1, arena, failure);
-    skin.starts =
-        read_starts(sections, Name(prefix, ".starts").text, skin.vertices(), entries, arena, failure);
+    skin.starts = read_starts(sections, Name(prefix, ".starts").text, skin.vertices(), skin.joints.size, arena,
+                              failure);
+    skin.weights = read_shares(sections, Name(prefix, ".weights").text, skin.starts, arena, failure);
     return failure.failed ? Skin{} : skin;
 }
 

@@ -14,8 +14,8 @@ struct Skin {
     int vertices() const { return rest.size / 3; }
 };
 
-// Reads "<prefix>.rest" (V, 3), "<prefix>.starts" (V + 1), "<prefix>.joints" and "<prefix>.weights", for a
-// skeleton of so many joints. The prefix has at most 20 bytes.
+// Reads "<prefix>.rest" (V, 3), "<prefix>.starts" (V + 1), "<prefix>.joints" and the shares "<prefix>.weights",
+// for a skeleton of so many joints. The prefix has at most 20 bytes.
 Skin read_skin(const Sections &sections, const char *prefix, int joints, Arena &arena, Failure &failure);
 
 // Moves vertices (V) m at `rest` by transforms (J, 3, 4) of the joints, row by row.

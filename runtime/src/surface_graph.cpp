@@ -7,6 +7,9 @@ namespace {
 // Metres that stand for a vertex that was not reached.
 constexpr float FAR = 1e9f;
 
+// Most vertices near all vertices: damaged outfits may have no lengths.
+constexpr int MOST_SPREAD = 1 << 23;
+
 struct Way {
     float distance;
     int32_t vertex;
@@ -102,28 +105,33 @@ void thin_out(const Graph &graph, Array<const int32_t> order, float spacing, flo
     }
 }
 
-int along_skin(const Graph &graph, const float *clear, float limit, int32_t *firsts, Array<int32_t> others,
-               Array<float> ways) {
-    Arena arena;
-    Search search(graph, arena);
-    int total = 0;
-    firsts[0] = 0;
+Graph make_graph(Array<Face> faces, const Vec *rest, int vertices, Arena &arena) {
+    Rings rings = vertex_rings(faces, vertices, arena);
+    Array<float> lengths = arena.take<float>(rings.ring.size);
+    for (int vertex = 0; vertex < vertices; vertex++)
+        for (int k = rings.starts[vertex]; k < rings.starts[vertex + 1]; k++)
+            lengths[k] = length(rest[vertex] - rest[rings.ring[k]]);
+    return {{rings.starts.data, vertices + 1}, {rings.ring.data, lengths.size}, {lengths.data, lengths.size}};
+}
+
+bool along_skin(const Graph &graph, const float *clear, float limit, Spread &spread, Arena &arena) {
+    Arena work;
+    Search search(graph, work);
+    spread.starts = arena.take<int32_t>(graph.vertices() + 1);
     for (int source = 0; source < graph.vertices(); source++) {
         if (clear[source] >= 0) {
             Array<int32_t> reached = search.reach(source, limit + clear[source]);
             Array<float> distance = search.distance;
             sort(reached, [&](int a, int b) { return distance[a] < distance[b]; });
             for (int vertex : reached) {
-                if (total < others.size) {
-                    others[total] = vertex;
-                    ways[total] = most(distance[vertex] - clear[source], 0.0f);
-                }
-                total++;
+                spread.others.add(vertex);
+                spread.ways.add(most(distance[vertex] - clear[source], 0.0f));
             }
         }
-        firsts[source + 1] = total;
+        spread.starts[source + 1] = spread.others.items.size;
+        if (spread.others.items.size > MOST_SPREAD) return false;
     }
-    return total;
+    return true;
 }
 
 }  // namespace uvc

@@ -1,7 +1,8 @@
 // Distances along a surface: its edges as a graph in compressed rows, of V vertices.
 #pragma once
 
-#include "memory.h"
+#include "list.h"
+#include "surface.h"
 
 namespace uvc {
 
@@ -17,11 +18,18 @@ struct Graph {
 // vertex the distance within which others were left out for it, -1 for all others.
 void thin_out(const Graph &graph, Array<const int32_t> order, float spacing, float *clear);
 
-// Finds the vertices within limit, m, of each vertex whose clear (V) m is not negative, the nearest first.
-//
-// Sets firsts (V + 1), the first row of each vertex. Rows are the vertices, and their distances less that of
-// clear, m. Returns how many there are; those beyond the room for them are not stored.
-int along_skin(const Graph &graph, const float *clear, float limit, int32_t *firsts, Array<int32_t> others,
-               Array<float> ways);
+// Edges of faces over vertices (V) m; those without a face have none.
+Graph make_graph(Array<Face> faces, const Vec *rest, int vertices, Arena &arena);
+
+// Vertices near each vertex along the surface, the nearest first, from starts (V + 1) on, and their distances, m.
+struct Spread {
+    Array<int32_t> starts;
+    List<int32_t> others;
+    List<float> ways;
+};
+
+// Finds the vertices within limit, m, of each vertex whose clear (V) m is not negative; distances are less that
+// of clear. Returns whether there are not more than any body has.
+bool along_skin(const Graph &graph, const float *clear, float limit, Spread &spread, Arena &arena);
 
 }  // namespace uvc

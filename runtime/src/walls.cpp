@@ -151,23 +151,47 @@ void turn_tile(const Sides &sides, int index, const Vec *corners, Walls &walls) 
     bounds.spread[index % LANES] = spread;
 }
 
+// Finds the other two corners of the faces around each vertex.
+void find_rings(Array<Face> faces, int vertices, Sides &sides, Arena &arena) {
+    Arena work;
+    sides.ring_starts = arena.take<int32_t>(vertices + 1);
+    sides.rings = arena.take<int32_t>(6 * faces.size);
+    for (Face face : faces)
+        for (int corner = 0; corner < 3; corner++) sides.ring_starts[face[corner] + 1]++;
+    for (int k = 0; k < vertices; k++) sides.ring_starts[k + 1] += sides.ring_starts[k];
+    Array<int32_t> ends = work.copy(sides.ring_starts);
+    for (int corner = 0; corner < 3; corner++)
+        for (Face face : faces) {
+            int32_t *ring = sides.rings.data + 2 * ends[face[corner]]++;
+            ring[0] = face[(corner + 1) % 3];
+            ring[1] = face[(corner + 2) % 3];
+        }
+}
+
+// Squared distance, m2, within which all points of a wall count alike: half of that between points.
+float core_of(const Graph &graph, int vertex, float spacing) {
+    int first = graph.starts[vertex], end = graph.starts[vertex + 1];
+    float total = 0;
+    for (int k = first; k < end; k++) total += graph.lengths[k];
+    float half = 0.5f * most(total / (float)most(end - first, 1), spacing);
+    return half * half;
+}
+
 }  // namespace
 
-Sides read_sides(const Sections &sections, int vertices, Arena &arena, Failure &failure) {
+Sides read_sides(const Sections &sections, Array<Face> faces, const Graph &graph, Arena &arena,
+                 Failure &failure) {
     Arena work;
     Sides sides{};
     int count = read_integers(sections, "opening.starts", -1, 1, work, failure).size - 1;
-    sides.points = read_indices(sections, "opening.points", -1, 1, 0, vertices, arena, failure);
+    sides.points = read_indices(sections, "opening.points", -1, 1, 0, graph.vertices(), arena, failure);
     int points = sides.points.size;
     if (!failure.failed && (count < 0 || count % 2)) failure.say("opening.starts is not of pairs of sides");
     Array<int32_t> firsts = read_starts(sections, "opening.starts", count, points, work, failure);
-    Array<float> core = read_floats(sections, "opening.core", points, 1, work, failure);
-    for (float squared : core)
-        if (squared <= 0) failure.say("opening.core has to be above zero");
-    sides.rings = read_indices(sections, "opening.rings", -1, 2, 0, vertices, arena, failure);
-    int faces = sides.rings.size / 2;
-    sides.ring_starts = read_starts(sections, "opening.ring_starts", vertices, faces, arena, failure);
+    float spacing = read_number(sections, "opening.spacing", failure);
+    if (!failure.failed && !(spacing > 0)) failure.say("opening.spacing of the outfit has to be above zero");
     if (failure.failed) return {};
+    find_rings(faces, graph.vertices(), sides, arena);
     constexpr int GROUP = LANES * LANES;
     sides.sides = count;
     sides.starts = arena.take<int32_t>(count + 1);
@@ -183,7 +207,7 @@ Sides read_sides(const Sections &sections, int vertices, Arena &arena, Failure &
             int row = GROUP * sides.starts[side] + point - firsts[side];
             sides.rows[point] = row;
             sides.vertices[row] = sides.points[point];
-            sides.core[row] = core[point];
+            sides.core[row] = core_of(graph, sides.points[point], spacing);
         }
     return sides;
 }

@@ -7,6 +7,7 @@
 #pragma once
 
 #include "sections.h"
+#include "surface_graph.h"
 
 namespace uvc {
 
@@ -25,9 +26,10 @@ struct Sides {
     int groups() const { return starts[sides]; }
 };
 
-// Reads "opening.starts" (S + 1), the first point of each side; "opening.points" (P) and "opening.core" (P);
-// "opening.ring_starts" (C + 1) and "opening.rings" (R, 2).
-Sides read_sides(const Sections &sections, int vertices, Arena &arena, Failure &failure);
+// Reads "opening.starts" (S + 1), the first point of each side; "opening.points" (P); and "opening.spacing" (1)
+// m, the least distance between points. faces, graph: of the skin of all parts.
+Sides read_sides(const Sections &sections, Array<Face> faces, const Graph &graph, Arena &arena,
+                 Failure &failure);
 
 // LANES points, x y z each. start, place: m, at the beginning of the frame and now. normal: unit, outward.
 struct Tile {

@@ -78,8 +78,6 @@ def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
         for part, other in sides
     ]
     points, rims = _joined(points_of), [rim[:, 0].numpy() for rim in collider.rims]
-    spread_starts, spread_vertices, spread_lengths = skin.along_skin(clear, LONGEST_PUSH / SLOPE)
-    ring_starts, rings = _rings(torch.cat(skins), count)
     allowed = [_allowed(vertices_of[other], graph) for _, other in sides]
     wanted = [
         np.minimum(KDTree(rest[vertices_of[other]]).query(rest[own_points])[0], GAP)
@@ -89,14 +87,13 @@ def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
         "opening.starts": _starts(points_of),
         "opening.points": points,
         "opening.want": np.concatenate([np.zeros(0), *wanted]),
-        "opening.core": np.square(0.5 * np.maximum(_edge_means(graph), POINT_SPACING))[points],
+        "opening.spacing": np.array([POINT_SPACING]),
         "opening.slope": np.array([SLOPE]),
         "opening.allowed": np.array(allowed).reshape(-1, count),
-        "opening.ring_starts": ring_starts,
-        "opening.rings": rings,
-        "opening.spread_starts": spread_starts,
-        "opening.spread_vertices": spread_vertices,
-        "opening.spread_lengths": spread_lengths,
+        "opening.clear": clear,
+        "opening.reach": np.array([LONGEST_PUSH / SLOPE]),
+        "opening.faces": torch.cat(skins).numpy(),
+        "skin.rest": rest,
         "opening.tips": np.arange(len(body), count),
         "opening.rim_starts": _starts(rims),
         "opening.rims": _joined(rims),
@@ -114,11 +111,6 @@ def _skin_graph(body: Tensor, faces: Tensor, count: int) -> csr_array:
     graph = csr_array(coo_array((lengths, (rows, columns)), shape=(count, count)))
     graph.sort_indices()
     return graph
-
-
-def _edge_means(graph: csr_array) -> np.ndarray:
-    """Mean length (C,) m of the edges at each vertex."""
-    return graph.sum(1) / np.maximum(np.diff(graph.indptr), 1)
 
 
 def _in_order(rest: np.ndarray, vertices: np.ndarray) -> np.ndarray:
@@ -140,23 +132,9 @@ def _allowed(other: np.ndarray, graph: csr_array) -> np.ndarray:
     return np.minimum(SLOPE * ways, LONGEST_PUSH).astype(np.float32)
 
 
-def _rings(faces: Tensor, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The rings of an opening: the first row of each vertex, and the other corners (R, 2) of the faces (F, 3)
-    around it.
-    """
-    corner, rest = faces.T.flatten(), torch.cat([faces.roll(-turn, 1)[:, 1:] for turn in range(3)])
-    order = torch.argsort(corner, stable=True)
-    sizes = torch.bincount(corner, minlength=count)
-    return _starts_of(sizes.numpy()), rest[order].to(torch.int32).contiguous().numpy()
-
-
 def _starts(groups: Sequence[np.ndarray]) -> np.ndarray:
-    return _starts_of(np.array([len(group) for group in groups], np.int64))
-
-
-def _starts_of(sizes: np.ndarray) -> np.ndarray:
     """First row of each group and the end of the last: (G + 1,) int32."""
-    return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+    return np.cumsum([0, *(len(group) for group in groups)]).astype(np.int32)
 
 
 def _joined(groups: Sequence[np.ndarray]) -> np.ndarray:

@@ -51,15 +51,17 @@ class OutfitClearing:
     """Garments, the innermost first, and the body that they are kept off.
 
     Clearances are for adults: size is the height of the body over that of the nearest adult. meshes: the
-    garments, welded. closed: the body as closed parts. opening: moves these apart to give cloth room. used:
-    (C,) the collider's vertices of the parts that cloth may touch. fine: of all garments, of an adult's size;
-    cages_solid: the same collider for the cages. apart: (G, G) bool, pairs of garments that never meet.
+    garments, welded. closed: the body as closed parts. opening: moves these apart to give cloth room. met:
+    (parts,) bool, those that cloth may touch; used: (C,) the collider's vertices of these. fine: of all
+    garments, of an adult's size; cages_solid: the same collider for the cages. apart: (G, G) bool, pairs of
+    garments that never meet.
     """
 
     size: float
     meshes: tuple[WeldedMesh, ...]
     closed: Collider
     opening: Opening
+    met: Tensor
     used: Tensor
     fine: Clearing
     cages_solid: SolidBody
@@ -110,6 +112,7 @@ class OutfitClearing:
             garments,
             closed,
             make_opening(closed.for_cloth(met), rest),
+            met,
             used,
             Clearing(sections),
             make_body(at_rest, faces, cages_touch[met].numpy(), closed.crossed(cages_touch)[met].numpy()),

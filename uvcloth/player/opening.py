@@ -22,13 +22,13 @@ class Opening:
 
     sections: their arrays by name. A side is one part of a pair against the other; sides 2k and 2k + 1 are
     pair k. "opening.starts" (S + 1), first point of each side. "opening.points" (K), vertex of each point;
-    ".want" (K) m, distance that it keeps from the other part; ".core" (K) m2, squared distance within which
-    all points of a wall have the same weight. ".slope" (1), change of a push along the skin, metres for each
-    metre. ".allowed" (S, C) m, longest push of each vertex.
+    ".want" (K) m, distance that it keeps from the other part. ".spacing" (1) m, least distance of points.
+    ".slope" (1), change of a push along the skin, metres for each metre. ".allowed" (S, C) m, longest push of
+    each vertex.
 
-    ".ring_starts" (C + 1), first row of each vertex in ".rings" (R, 2), the other corners of the faces around
-    it. ".spread_starts" (C + 1), first row of each vertex that is a point in ".spread_vertices" (M), the
-    vertices that move with it, the nearest first; ".spread_lengths" (M) m, their distances along the skin.
+    "skin.rest" (V, 3) m, the first vertices of the collider at rest. ".faces" (F, 3), skin of all parts.
+    ".clear" (C) m, distance along the skin within which other vertices are no points beside one that is, -1
+    for those; ".reach" (1) m, how much farther a push of a point reaches.
 
     ".tips" (T), the tips of the caps. ".rim_starts" (T + 1), first row of each tip in ".rims" (E), the
     vertices around it.
@@ -37,7 +37,7 @@ class Opening:
     def __init__(self, sections: Sections) -> None:
         """Read sections. Raises ValueError with the runtime's sentence if they do not fit together."""
         self.sections = dict(sections)
-        self.vertices = len(sections["opening.ring_starts"]) - 1
+        self.vertices = len(sections["opening.clear"])
         self._handle = read_outfit(
             self, pack(self.sections), "uvc_read_opening", "uvc_free_opening", self.vertices
         )

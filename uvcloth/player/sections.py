@@ -1,7 +1,7 @@
 """Named arrays as one run of bytes, the file of a baked outfit: runtime/src/sections.cpp reads it.
 
-A header, an entry for each array, then their numbers. All is little-endian; every array begins at a multiple
-of four bytes.
+A header, an entry for each array, then the code of their numbers (runtime/src/section_coder.cpp). All is
+little-endian.
 """
 
 import struct
@@ -12,29 +12,39 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MAGIC, VERSION = b"UVCLOTH\0", 1
+from uvcloth.player.handles import pointer
+from uvcloth.player.library import library
+
+MAGIC, VERSION = b"UVCLOTH\0", 2
 MOST_NAME = 31
 """Bytes of a name; a zero follows."""
 
 MOST_NUMBERS = 1 << 24
 """Limit for the numbers of an array."""
 
-_FLOATS, _INTEGERS = 0, 1
-_HEADER, _CHECKED, _ENTRY = struct.Struct("<8sII"), struct.Struct("<II"), struct.Struct("<32s4I")
+MOST_CODE = 32
+"""Bytes that the code of a number takes at most, and those that it begins and ends with."""
+
+_FLOATS, _INTEGERS, _STEPS = 0, 1, 2
+_HEADER, _CHECKED, _ENTRY = struct.Struct("<8sII"), struct.Struct("<II"), struct.Struct("<32s5If")
 
 
-def pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+def pack(arrays: Mapping[str, NDArray[Any]], steps: Mapping[str, float] | None = None) -> bytes:
     """Write arrays (R,) or (R, C) of real numbers to bytes, floats as float32 and all others as int32.
 
-    Raises ValueError for a name, a shape, or a number that the format has no place for.
+    steps: by the names of arrays of floats, of which their numbers become multiples. Raises ValueError for a
+    name, a shape, or a number that the format has no place for.
     """
     entries, data = bytearray(), bytearray()
     begin = _HEADER.size + _CHECKED.size + _ENTRY.size * len(arrays)
     for name, array in arrays.items():
-        kind, numbers = _numbers(name, array)
+        step = 0.0 if steps is None else steps.get(name, 0.0)
+        kind, numbers = _numbers(name, array if step == 0.0 else np.rint(array / step).astype(np.int64))
+        kind = _STEPS if step else kind
         rows, columns = numbers.shape if numbers.ndim == 2 else (len(numbers), 1)
-        entries += _ENTRY.pack(_name(name), kind, rows, columns, begin + len(data))
-        data += numbers.tobytes()
+        code = _encoded(numbers, rows, columns)
+        entries += _ENTRY.pack(_name(name), kind, rows, columns, begin + len(data), len(code), step)
+        data += code
     size = begin + len(data)
     if size >= 1 << 32:
         raise ValueError(f"sections take {size} bytes, more than the format counts")
@@ -47,6 +57,14 @@ def _name(name: str) -> bytes:
     if not encoded or len(encoded) > MOST_NAME or b"\0" in encoded:
         raise ValueError(f"section {name!r} needs a name of 1 to {MOST_NAME} bytes")
     return encoded
+
+
+def _encoded(numbers: NDArray[Any], rows: int, columns: int) -> bytes:
+    """The code of numbers of four bytes."""
+    numbers = np.ascontiguousarray(numbers)
+    code = np.empty(MOST_CODE * (numbers.size + 1), np.uint8)
+    size = library().uvc_encode_section(pointer(numbers), rows, columns, pointer(code), len(code))
+    return code[:size].tobytes()
 
 
 def _numbers(name: str, array: NDArray[Any]) -> tuple[int, NDArray[Any]]:

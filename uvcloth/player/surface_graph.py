@@ -10,7 +10,6 @@ from uvcloth.player.handles import pointer
 from uvcloth.player.library import library
 
 Floats = NDArray[np.float32]
-Indices = NDArray[np.int32]
 
 
 class _View(ctypes.Structure):
@@ -47,26 +46,3 @@ class SurfaceGraph:
             ctypes.byref(self._view), pointer(sources), len(sources), ctypes.c_float(spacing), pointer(clear)
         )
         return clear
-
-    def along_skin(self, clear: NDArray[Any], limit: float) -> tuple[Indices, Indices, Floats]:
-        """Find the vertices within limit, m, of each vertex whose clear (V,) m is not negative.
-
-        Returns the first row of each vertex (V + 1,), the vertices of all rows, the nearest first, and their
-        distances less that of `clear`.
-        """
-        sources, firsts = np.ascontiguousarray(clear, np.float32), np.empty(self.vertices + 1, np.int32)
-        count = 0
-        while True:
-            others, ways = np.empty(count, np.int32), np.empty(count, np.float32)
-            rows = library().uvc_along_skin(
-                ctypes.byref(self._view),
-                pointer(sources),
-                ctypes.c_float(limit),
-                pointer(firsts),
-                pointer(others),
-                pointer(ways),
-                count,
-            )
-            if rows <= count:
-                return firsts, others, ways
-            count = rows

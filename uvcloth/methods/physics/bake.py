@@ -13,6 +13,27 @@ from uvcloth.methods.physics.caged_garment import CagedGarment
 from uvcloth.physics.cloth.solver import Solver
 from uvcloth.physics.outfit_clearing import OutfitClearing
 
+REST_STEP, SHARE_STEP, COVERED_STEP = 2.0**-17, 2.0**-15, 2.0**-12
+"""Steps that vertices at rest, m, shares that make one whole, and those of covered points are rounded to."""
+
+LEAST_WEIGHT = 1e-3
+"""Blend weight of cloth below which a joint is left out of a file."""
+
+STEPS = {
+    **{f"{name}.rest": REST_STEP for name in ("body", "cages", "points")},
+    **{f"{name}.weights": SHARE_STEP for name in ("body", "cages", "points", "follow")},
+    "covered.shares": COVERED_STEP,
+    "opening.clear": REST_STEP,
+}
+"""Step of each section that is rounded."""
+
+DERIVED = (
+    *("skin.rest", "fine.rest", "cloth.rest", "membrane.corners", "covered.weights", "opening.faces"),
+    *("opening.tips", "opening.rim_starts", "opening.rims"),
+    *("collider.rest", "collider.faces", "collider.starts"),
+)
+"""Sections that the runtime derives from others (runtime/src/derived.h)."""
+
 
 def baked_sections(
     body: Body,
@@ -20,23 +41,24 @@ def baked_sections(
     solver: Solver,
     clearing: OutfitClearing,
     hold: NDArray[np.floating],
+    least_weight: float,
 ) -> dict[str, NDArray[Any]]:
     """The arrays of a baked outfit, by their names in runtime/src/outfit.h.
 
-    solver: of all cages. clearing: of the garments. hold: (n,) 1/s, the attachment of bands.
+    solver: of all cages. clearing: of the garments. hold: (n,) 1/s, the attachment of bands. least_weight: of
+    cloth, below which a joint is left out.
     """
     settings = solver.settings
     rims = [rim.numpy() for rim in clearing.closed.rims]
-    first = len(body.mesh.vertices)
     shown = [
         each.mesh.places.numpy() + start
         for each, start in zip(garments, _starts([len(each.mesh.points) for each in garments]), strict=False)
     ]
-    shapes = {} if body.pose_shapes is None else {"outfit.shapes": body.pose_shapes.flatten(1).numpy()}
-    return {
-        **shapes,
+    shapes = body.pose_shapes
+    nothing = np.zeros((0, 3 * len(body.mesh.vertices)))
+    sections = {
+        "outfit.shapes": nothing if shapes is None else shapes.flatten(1).numpy(),
         "outfit.size": np.array([clearing.size]),
-        "outfit.used": clearing.used.numpy(),
         "outfit.hold": hold,
         "outfit.shown_starts": _starts([len(each) for each in shown]),
         "outfit.shown": np.concatenate(shown),
@@ -50,36 +72,45 @@ def baked_sections(
         "settings.hinge_interval": np.array([1.0]),
         "skeleton.parents": np.array(body.skeleton.parents),
         "skeleton.heads": body.skeleton.heads.numpy(),
-        "caps.tips": np.arange(first, first + len(rims)),
         "caps.rim_starts": _starts([len(rim) for rim in rims]),
         "caps.rims": np.concatenate([np.zeros((0, 2), np.int64), *rims]),
-        **_skin("body", body.mesh.vertices, body.weights),
-        **_skin("cages", torch.cat([each.cage.vertices for each in garments]), _weights(garments, True)),
-        **_skin("points", torch.cat([each.mesh.points for each in garments]), _weights(garments, False)),
+        **_skin("body", body.mesh.vertices, body.weights, 0.0),
+        **_skin(
+            "cages",
+            torch.cat([each.cage.vertices for each in garments]),
+            torch.cat([each.cage_weights for each in garments]),
+            least_weight,
+        ),
+        **_skin(
+            "points",
+            torch.cat([each.mesh.points for each in garments]),
+            torch.cat([each.weights for each in garments]),
+            least_weight,
+        ),
         **_following(garments),
+        **_parts(body.mesh.faces.numpy(), clearing),
         **clearing.opening.runtime.sections,
         **clearing.fine.sections,
         **solver.cloth.sections(),
         **solver.body.sections(),
     }
+    sections["covered.shares"] = sections["covered.weights"][:, :2]
+    return {name: array for name, array in sections.items() if name not in DERIVED}
 
 
 def _starts(sizes: Sequence[int]) -> NDArray[np.int64]:
     return np.cumsum([0, *sizes])
 
 
-def _weights(garments: Sequence[CagedGarment], of_cages: bool) -> Tensor:
-    return torch.cat([each.cage_weights if of_cages else each.weights for each in garments])
-
-
-def _skin(name: str, rest: Tensor, weights: Tensor) -> dict[str, NDArray[Any]]:
-    """Vertices (V, 3) m at rest, and those of their weights (V, J) that are not 0."""
-    rows, joints = np.nonzero(weights.numpy())
+def _skin(name: str, rest: Tensor, weights: Tensor, least: float) -> dict[str, NDArray[Any]]:
+    """Vertices (V, 3) m at rest, and those of their weights (V, J) that are above 0 and at least `least`."""
+    rows, joints = np.nonzero((weights.numpy() >= least) & (weights.numpy() != 0.0))
+    counts = np.bincount(rows, minlength=len(rest))
     return {
         f"{name}.rest": rest.numpy(),
-        f"{name}.starts": _starts(np.bincount(rows, minlength=len(rest)).tolist()),
+        f"{name}.starts": _starts(counts.tolist()),
         f"{name}.joints": joints,
-        f"{name}.weights": weights.numpy()[rows, joints],
+        f"{name}.weights": _shares(weights.numpy()[rows, joints], counts),
     }
 
 
@@ -95,5 +126,37 @@ def _following(garments: Sequence[CagedGarment]) -> dict[str, NDArray[Any]]:
     return {
         "follow.starts": _starts(counts),
         "follow.cage": np.concatenate(corners),
-        "follow.weights": np.concatenate(weights),
+        "follow.weights": _shares(np.concatenate(weights), np.array(counts)),
     }
+
+
+def _shares(weights: NDArray[Any], counts: NDArray[np.int64]) -> NDArray[np.float64]:
+    """All but the last of the weights (E,) of each row, of so many, as shares of their sum."""
+    ends = np.cumsum(counts)
+    sums = np.add.reduceat(weights.astype(np.float64), ends - counts)
+    return np.delete(weights / np.repeat(sums, counts), ends - 1)
+
+
+def _parts(faces: NDArray[np.int64], clearing: OutfitClearing) -> dict[str, NDArray[Any]]:
+    """Closed parts of a body: their rows among its faces (F, 3), their caps, and which cloth may touch."""
+    closed, body = clearing.closed, clearing.opening.runtime.vertices - len(clearing.closed.rims)
+    skins, caps = [], []
+    for part in closed.parts:
+        corners = part.numpy()
+        is_skin = (corners < body).all(1)
+        skins.append(_rows_of(corners[is_skin], faces, body))
+        caps.append(list(dict.fromkeys((corners[~is_skin, 2] - body).tolist())))
+    return {
+        "parts.met": clearing.met.numpy(),
+        "parts.starts": _starts([len(rows) for rows in skins]),
+        "parts.faces": np.concatenate(skins),
+        "parts.cap_starts": _starts([len(few) for few in caps]),
+        "parts.caps": np.array([cap for few in caps for cap in few], np.int64),
+    }
+
+
+def _rows_of(some: NDArray[np.int64], faces: NDArray[np.int64], vertices: int) -> NDArray[np.int64]:
+    """Row of each of some faces (N, 3) among all faces (F, 3) of so many vertices."""
+    keys, wanted = ((each[:, 0] * vertices + each[:, 1]) * vertices + each[:, 2] for each in (faces, some))
+    order = np.argsort(keys, kind="stable")
+    return order[np.searchsorted(keys, wanted, sorter=order)]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +15,7 @@ from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.physics.bake import baked_sections
+from uvcloth.methods.physics.bake import LEAST_WEIGHT, STEPS, baked_sections
 from uvcloth.methods.physics.caged_garment import CagedGarment, caged
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.cloth.solver import HOLD, Settings, make_solver
@@ -81,6 +82,25 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
 
     Raises InputError for a garment that nothing holds up, and for cloth that the solver cannot step.
     """
+    garments, sections = _caged_sections(outfit, config, 0.0)
+    return CagedOutfit(garments, BakedOutfit(pack(sections)))
+
+
+def bake_outfit(outfit: Outfit, config: PhysicsConfig) -> bytes:
+    """Bake an outfit for the body that it is worn on, as `uvcloth.player.outfit.Outfit` reads it, for a file.
+
+    Positions and weights are rounded. Raises InputError as `make_caged_outfit` does, and for a body with pose
+    shapes.
+    """
+    if outfit.body.pose_shapes is not None:
+        raise InputError(f"body {outfit.body.name}: pose shapes cannot be baked, only blend weights")
+    return pack(_caged_sections(outfit, config, LEAST_WEIGHT)[1], STEPS)
+
+
+def _caged_sections(
+    outfit: Outfit, config: PhysicsConfig, least_weight: float
+) -> tuple[tuple[CagedGarment, ...], dict[str, NDArray[Any]]]:
+    """Garments with their cages, and the arrays of the baked outfit."""
     body = outfit.body
     garments = tuple(caged(outfit.garments, QUALITIES[config.quality]))
     joined = join_meshes((each.cage.vertices, each.cage.faces) for each in garments)
@@ -114,14 +134,4 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
         cloth, joined.vertices.numpy(), clearing.cages_solid, config.settings, f"garment {names}"
     )
     hold = np.where(held.numpy(), HOLD, 0.0)
-    return CagedOutfit(garments, BakedOutfit(pack(baked_sections(body, garments, solver, clearing, hold))))
-
-
-def bake_outfit(outfit: Outfit, config: PhysicsConfig) -> bytes:
-    """Bake an outfit for the body that it is worn on, as `uvcloth.player.outfit.Outfit` reads it.
-
-    Raises InputError as `make_caged_outfit` does, and for a body with pose shapes.
-    """
-    if outfit.body.pose_shapes is not None:
-        raise InputError(f"body {outfit.body.name}: pose shapes cannot be baked, only blend weights")
-    return make_caged_outfit(outfit, config).baked.content
+    return garments, baked_sections(body, garments, solver, clearing, hold, least_weight)
