@@ -86,7 +86,7 @@ void resolve_contacts(Array<Contact> contacts, const Collider &collider, const P
         Vec slip = velocities[vertex] - surface;
         if (gap >= 0) {
             float speed = length(slip);
-            contact.wait = (int)least(gap / (2 * step * (speed + ALERT_SPEED)), 1e6f);
+            contact.wait = (int)least(1e6f, gap / (2 * step * (speed + ALERT_SPEED)));
             contact.slide -= speed * step * (float)(contact.wait + 1);
             continue;
         }

@@ -112,7 +112,7 @@ float fastest(Array<Vec> start, Array<Vec> end) {
 }
 
 // An interval in whole substeps.
-int whole(float substeps) { return most((int)least(substeps, (float)MOST_SUBSTEPS), 1); }
+int whole(float substeps) { return (int)most(1.0f, least((float)MOST_SUBSTEPS, substeps)); }
 
 // Where the cloth may be at the end of a frame, until it is known that it stays together.
 struct Next {
@@ -153,19 +153,19 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
     float past = fastest(character.body, next.body) / seconds;
     if (!(past <= FASTEST_BODY)) {
         failure.say("the body moves at %d m/s past the cloth in a frame, the limit is %d m/s",
-                    (int)least(past, 1e9f), (int)FASTEST_BODY);
+                    (int)least(1e9f, past), (int)FASTEST_BODY);
         return false;
     }
     Vec64 change = next.drift - character.drift;
     float jump = (float)__builtin_sqrt(dot(change, change));
     if (character.steps > 1 && !(jump <= FASTEST_BODY)) {
         failure.say("the body jumps, by %d m/s in a frame, the limit is %d m/s: start the cloth again",
-                    (int)least(jump, 1e9f), (int)FASTEST_BODY);
+                    (int)least(1e9f, jump), (int)FASTEST_BODY);
         return false;
     }
     double needed = (double)seconds * settings.needed;
     if (!(needed < MOST_SUBSTEPS)) {
-        failure.say("a frame of %d s needs too many substeps", (int)least(seconds, 1e9f));
+        failure.say("a frame of %d s needs too many substeps", (int)least(1e9f, seconds));
         return false;
     }
     float body_interval = least(settings.interval, settings.reach / most(past + fastest(speeds), 1e-6f));

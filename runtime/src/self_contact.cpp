@@ -321,7 +321,7 @@ Vec relative(const Vec *velocities, const Four &four) {
 
 // Substeps in which a pair with a gap, m, cannot touch.
 int until(float gap, Vec motion, float step) {
-    return (int)least(gap / (2 * step * (length(motion) + ALERT_SPEED)), 1e6f);
+    return (int)least(1e6f, gap / (2 * step * (length(motion) + ALERT_SPEED)));
 }
 
 // Moves four vertices apart along a normal by a negative gap, and stops their approach.

@@ -20,6 +20,7 @@ constexpr float TINY = 1e-20f;
 
 UVC_INLINE float root(float a) { return __builtin_sqrtf(a); }
 UVC_INLINE float absolute(float a) { return __builtin_fabsf(a); }
+// Of two numbers of which the second is NaN, the first: limits come first where the result becomes an integer.
 UVC_INLINE float least(float a, float b) { return b < a ? b : a; }
 UVC_INLINE float most(float a, float b) { return b > a ? b : a; }
 UVC_INLINE float choose(bool condition, float a, float b) { return condition ? a : b; }
