@@ -45,7 +45,9 @@ Array<float> divided(Array<float> numbers, float divisor, Arena &arena) {
     return quotients;
 }
 
-Array<int32_t> integers(Array<Face> faces) { return {reinterpret_cast<int32_t *>(faces.data), 3 * faces.size}; }
+Array<int32_t> integers(Array<Face> faces) {
+    return {reinterpret_cast<int32_t *>(faces.data), 3 * faces.size};
+}
 
 // Faces of a part, of the skin and then of its caps. Returns how many there are; null counts them.
 int64_t close_part(const Parts &parts, int part, const Caps &caps, const Face *skin, Face *closed) {
@@ -88,7 +90,8 @@ void derive_collider(Sections &sections, const Parts &parts, const Caps &caps, A
         return;
     }
     Array<Face> faces = arena.take<Face>((int)total), skins = arena.take<Face>(parts.faces.size);
-    Array<int32_t> starts = arena.take<int32_t>(parts.count + 1), used = arena.take<int32_t>(3 * faces.size);
+    Array<int32_t> starts = arena.take<int32_t>(parts.count + 1);
+    Array<int32_t> used = arena.take<int32_t>(3 * faces.size);
     int met = 0, count = 0;
     for (int part = 0; part < parts.count; part++) {
         if (!parts.met[part]) continue;

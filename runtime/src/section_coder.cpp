@@ -238,4 +238,8 @@ int64_t uvc_encode_section(const int32_t *numbers, int rows, int columns, uint8_
     return uvc::encode(all, columns, uvc::best_prediction(all, columns), code, room);
 }
 
+int uvc_decode_section(const uint8_t *code, int64_t size, int32_t *numbers, int rows, int columns) {
+    return uvc::decode_section(code, (size_t)size, columns, {numbers, rows * columns});
+}
+
 }  // extern "C"

@@ -52,8 +52,9 @@ class OutfitClearing:
 
     Clearances are for adults: size is the height of the body over that of the nearest adult. meshes: the
     garments, welded. closed: the body as closed parts. opening: moves these apart to give cloth room. met:
-    (parts,) bool, those that cloth may touch; used: (C,) the collider's vertices of these. fine: of all garments, of an adult's size;
-    cages_solid: the same collider for the cages. apart: (G, G) bool, pairs of garments that never meet.
+    (parts,) bool, those that cloth may touch; used: (C,) the collider's vertices of these. fine: of all
+    garments, of an adult's size; cages_solid: the same collider for the cages. apart: (G, G) bool, pairs of
+    garments that never meet.
     """
 
     size: float

@@ -14,7 +14,7 @@ from uvcloth.methods.physics.outfit import CagedGarment, CagedOutfit, PhysicsCon
 from uvcloth.physics.outfit_clearing import OutfitClearing
 from uvcloth.player.sections import pack
 
-REST_STEP, SHARE_STEP, COVERED_STEP = 2.0**-17, 2.0**-15, 2.0**-12
+REST_STEP, SHARE_STEP, COVERED_STEP = 2.0**-15, 2.0**-15, 2.0**-12
 """Steps that vertices at rest, m, shares that make one whole, and those of covered points are rounded to."""
 
 LEAST_WEIGHT = 1e-4
@@ -140,7 +140,7 @@ def _shares(weights: NDArray[Any], counts: NDArray[np.int64]) -> NDArray[np.floa
 
 
 def _parts(faces: NDArray[np.int64], clearing: OutfitClearing) -> dict[str, NDArray[Any]]:
-    """The closed parts of a body: their rows among its faces (F, 3), their caps, and which cloth may touch."""
+    """Closed parts of a body: their rows among its faces (F, 3), their caps, and those that cloth meets."""
     closed, body = clearing.closed, clearing.opening.runtime.vertices - len(clearing.closed.rims)
     skins, caps = [], []
     for part in closed.parts:
