@@ -25,6 +25,10 @@ UVC_API int64_t uvc_decode_numbers(const uint8_t *code, int64_t size, int64_t *v
 UVC_API int64_t uvc_encode_section(const int32_t *numbers, int rows, int columns, uint8_t *code,
                                    int64_t room);
 
+/* Decodes so many bytes into numbers (rows, columns), of zeros before. Returns 1, or 0 if the code ends before
+ * them; any bytes are safe. */
+UVC_API int uvc_decode_section(const uint8_t *code, int64_t size, int32_t *numbers, int rows, int columns);
+
 /* Whether this processor runs code for x86-64-v3 (AVX2, FMA, BMI), for which a second library is compiled. */
 UVC_API int uvc_has_v3(void);
 

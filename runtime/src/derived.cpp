@@ -26,13 +26,28 @@ Parts read_parts(const Sections &sections, int faces, int caps, Arena &arena, Fa
     return parts;
 }
 
+// Reads a section that is needed again, which would be decoded again.
+Array<float> keep_floats(Sections &sections, const char *name, Arena &arena, Failure &failure) {
+    Array<float> numbers = read_floats(sections, name, -1, 3, arena, failure);
+    derive(sections, name, numbers, 3);
+    return numbers;
+}
+
+Array<int32_t> keep_indices(Sections &sections, const char *name, int high, Arena &arena, Failure &failure) {
+    Array<int32_t> numbers = read_indices(sections, name, -1, 3, 0, high, arena, failure);
+    derive(sections, name, numbers, 3);
+    return numbers;
+}
+
 Array<float> divided(Array<float> numbers, float divisor, Arena &arena) {
     Array<float> quotients = arena.take<float>(numbers.size);
     for (int k = 0; k < numbers.size; k++) quotients[k] = numbers[k] / divisor;
     return quotients;
 }
 
-Array<int32_t> integers(Array<Face> faces) { return {reinterpret_cast<int32_t *>(faces.data), 3 * faces.size}; }
+Array<int32_t> integers(Array<Face> faces) {
+    return {reinterpret_cast<int32_t *>(faces.data), 3 * faces.size};
+}
 
 // Faces of a part, of the skin and then of its caps. Returns how many there are; null counts them.
 int64_t close_part(const Parts &parts, int part, const Caps &caps, const Face *skin, Face *closed) {
@@ -75,7 +90,8 @@ void derive_collider(Sections &sections, const Parts &parts, const Caps &caps, A
         return;
     }
     Array<Face> faces = arena.take<Face>((int)total), skins = arena.take<Face>(parts.faces.size);
-    Array<int32_t> starts = arena.take<int32_t>(parts.count + 1), used = arena.take<int32_t>(3 * faces.size);
+    Array<int32_t> starts = arena.take<int32_t>(parts.count + 1);
+    Array<int32_t> used = arena.take<int32_t>(3 * faces.size);
     int met = 0, count = 0;
     for (int part = 0; part < parts.count; part++) {
         if (!parts.met[part]) continue;
@@ -128,17 +144,19 @@ void derive_covered(Sections &sections, Arena &arena, Failure &failure) {
 void derive_sections(Sections &sections, Arena &arena, Failure &failure) {
     float size = read_number(sections, "outfit.size", failure);
     if (!failure.failed && !(size > 0)) failure.say("the size of the outfit's body is not positive");
-    Array<float> body = read_floats(sections, "body.rest", -1, 3, arena, failure);
+    Array<float> body = keep_floats(sections, "body.rest", arena, failure);
+    Array<float> points = keep_floats(sections, "points.rest", arena, failure);
+    Array<float> cages = keep_floats(sections, "cages.rest", arena, failure);
     Array<float> skin = divided(body, size, arena);
     int vertices = body.size / 3;
     derive(sections, "skin.rest", skin, 3);
-    Array<float> points = read_floats(sections, "points.rest", -1, 3, arena, failure);
     derive(sections, "fine.rest", divided(points, size, arena), 3);
-    derive(sections, "cloth.rest", read_floats(sections, "cages.rest", -1, 3, arena, failure), 3);
-    derive(sections, "membrane.corners", read_integers(sections, "sheet.faces", -1, 3, arena, failure), 3);
+    derive(sections, "cloth.rest", cages, 3);
+    Array<int32_t> sheet = keep_indices(sections, "sheet.faces", cages.size / 3, arena, failure);
+    derive(sections, "membrane.corners", sheet, 3);
     derive_covered(sections, arena, failure);
     Caps caps = derive_caps(sections, vertices, arena, failure);
-    Array<int32_t> corners = read_indices(sections, "skin.faces", -1, 3, 0, vertices, arena, failure);
+    Array<int32_t> corners = keep_indices(sections, "skin.faces", vertices, arena, failure);
     Array<Face> faces{reinterpret_cast<Face *>(corners.data), corners.size / 3};
     Parts parts = read_parts(sections, faces.size, caps.tips.size, arena, failure);
     if (failure.failed) return;

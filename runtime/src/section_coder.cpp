@@ -107,7 +107,7 @@ template <class Coded> struct Coder {
     Coded coded;
     Prediction prediction;
     Odds classes[COLUMNS][MOST_DIGITS + 1][64], digits[MOST_DIGITS + 1][1 << PREDICTED_DIGITS];
-    Odds places[COLUMNS][PLACES][2 * REMEMBERED], is_new[COLUMNS][PLACES];
+    Odds places[COLUMNS][PLACES][2 * REMEMBERED], is_last[COLUMNS][PLACES], is_new[COLUMNS][PLACES];
     int32_t remembered[REMEMBERED] = {};
     int before[COLUMNS] = {}, place_before = 0;
     int32_t newest = 0;
@@ -153,6 +153,10 @@ template <class Coded> struct Coder {
         static_assert(1 << BITS == REMEMBERED);
         int place = 0, context = least(place_before, PLACES - 1);
         while (Coded::WRITES && place < REMEMBERED && remembered[place] != number) place++;
+        if (decide(is_last[column][context], place == 0)) {
+            place_before = 0;
+            return remembered[0];
+        }
         bool is_found = !decide(is_new[column][context], place == REMEMBERED);
         if (is_found) {
             place = (int)choose(places[column][context], BITS, (uint32_t)place);
@@ -232,6 +236,10 @@ int64_t uvc_encode_section(const int32_t *numbers, int rows, int columns, uint8_
     uvc::Array<int32_t> all{const_cast<int32_t *>(numbers), rows * columns};
     if (!all.size) return 0;
     return uvc::encode(all, columns, uvc::best_prediction(all, columns), code, room);
+}
+
+int uvc_decode_section(const uint8_t *code, int64_t size, int32_t *numbers, int rows, int columns) {
+    return uvc::decode_section(code, (size_t)size, columns, {numbers, rows * columns});
 }
 
 }  // extern "C"

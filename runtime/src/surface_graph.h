@@ -21,15 +21,16 @@ void thin_out(const Graph &graph, Array<const int32_t> order, float spacing, flo
 // Edges of faces over vertices (V) m; those without a face have none.
 Graph make_graph(Array<Face> faces, const Vec *rest, int vertices, Arena &arena);
 
-// Vertices near each vertex along the surface, the nearest first, from starts (V + 1) on, and their distances, m.
+// Vertices near each vertex along the surface, the nearest first, from starts (V + 1) on, and their
+// distances, m.
 struct Spread {
     Array<int32_t> starts;
     List<int32_t> others;
     List<float> ways;
 };
 
-// Finds the vertices within limit, m, of each vertex whose clear (V) m is not negative; distances are less that
-// of clear. Returns whether there are not more than any body has.
+// Finds the vertices within limit, m, of each vertex whose clear (V) m is not negative; distances are less
+// that of clear. Returns whether there are no more than a body may have.
 bool along_skin(const Graph &graph, const float *clear, float limit, Spread &spread, Arena &arena);
 
 }  // namespace uvc

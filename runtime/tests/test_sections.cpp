@@ -2,13 +2,14 @@
 #include <stdio.h>
 
 #include "sections.h"
+#include "uvcloth_codec.h"
 
 using namespace uvc;
 
 namespace {
 
 constexpr int MUTANTS = 10000;
-constexpr size_t HEADER = 24, ENTRY = 48, SECTIONS = 3, SIZE = HEADER + SECTIONS * ENTRY + 4 * (6 + 4 + 1);
+constexpr size_t HEADER = 24, ENTRY = 56, SECTIONS = 4, DATA = HEADER + SECTIONS * ENTRY, ROOM = 1000;
 
 // Numbers that look random, the same in every run (xorshift).
 struct Random {
@@ -23,23 +24,23 @@ struct Random {
 
 // An outfit of exactly its own memory, so that a byte read behind it is noticed.
 struct Outfit {
-    uint8_t *bytes = static_cast<uint8_t *>(calloc(1, SIZE));
-    size_t size = SIZE;
+    uint8_t *bytes = static_cast<uint8_t *>(calloc(1, ROOM));
+    size_t size = DATA;
 
     Outfit() {
         memcpy(bytes, "UVCLOTH", 8);
-        put(8, 1);
-        put(16, SIZE);
+        put(8, 2);
         put(20, SECTIONS);
-        entry(0, "points", 0, 2, 3, 0);
-        entry(1, "starts", 1, 4, 1, 6);
-        entry(2, "gap", 0, 1, 1, 10);
         const float points[] = {1.0f, 2.0f, 3.0f, 4.0f, 5.0f, 6.0f}, gap = 0.002f;
-        const int32_t starts[] = {0, 1, 1, 2};
-        uint8_t *data = bytes + HEADER + SECTIONS * ENTRY;
-        memcpy(data, points, 24);
-        memcpy(data + 24, starts, 16);
-        memcpy(data + 40, &gap, 4);
+        const int32_t starts[] = {0, 1, 1, 2}, steps[] = {3, -5};
+        int32_t bits[6], gap_bits;
+        memcpy(bits, points, sizeof(bits));
+        memcpy(&gap_bits, &gap, sizeof(gap_bits));
+        entry(0, "points", 0, bits, 2, 3);
+        entry(1, "starts", 1, starts, 4, 1);
+        entry(2, "gap", 0, &gap_bits, 1, 1);
+        entry(3, "rounded", 2, steps, 2, 1);
+        cut(size);
         sign();
     }
     Outfit(const Outfit &) = delete;
@@ -47,13 +48,20 @@ struct Outfit {
 
     void put(size_t place, uint32_t value) { memcpy(bytes + place, &value, 4); }
 
-    void entry(size_t k, const char *name, uint32_t kind, uint32_t rows, uint32_t columns, uint32_t number) {
+    // Adds a section behind those before it.
+    void entry(size_t k, const char *name, uint32_t kind, const int32_t *numbers, int rows, int columns) {
         size_t place = HEADER + k * ENTRY;
+        uint32_t length =
+            (uint32_t)uvc_encode_section(numbers, rows, columns, bytes + size, (int64_t)(ROOM - size));
+        const float step = 0.25f;
         memcpy(bytes + place, name, strlen(name));
         put(place + 32, kind);
-        put(place + 36, rows);
-        put(place + 40, columns);
-        put(place + 44, (uint32_t)(HEADER + SECTIONS * ENTRY) + 4 * number);
+        put(place + 36, (uint32_t)rows);
+        put(place + 40, (uint32_t)columns);
+        put(place + 44, (uint32_t)size);
+        put(place + 48, length);
+        memcpy(bytes + place + 52, &step, sizeof(step));
+        size += length;
     }
 
     // Writes size and checksum as they should be.
@@ -88,6 +96,7 @@ bool read(const Outfit &outfit) {
     for (int32_t start : read_starts(sections, "starts", 3, 2, arena, failure)) sum += (float)start;
     for (int32_t k : read_indices(sections, "starts", -1, 1, 0, 3, arena, failure)) sum += (float)k;
     sum += read_number(sections, "gap", failure);
+    for (float value : read_floats(sections, "rounded", 2, 1, arena, failure)) sum += value;
     if (failure.failed != (message[0] != 0)) {
         puts("a failure without a sentence, or a sentence without a failure");
         exit(1);

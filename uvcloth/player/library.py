@@ -17,6 +17,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "uvc_encode_numbers": (c_int64, c_void_p, c_int64, c_int64, c_int64, c_int64, c_void_p, c_int64),
     "uvc_decode_numbers": (c_int64, c_void_p, c_int64, c_void_p, c_int64, c_int64, c_int64, c_int64),
     "uvc_encode_section": (c_int64, c_void_p, c_int, c_int, c_void_p, c_int64),
+    "uvc_decode_section": (c_int, c_void_p, c_int64, c_void_p, c_int, c_int),
 }
 """Types of what functions of runtime/include return, None for nothing, and of their arguments."""
 

@@ -22,11 +22,11 @@ class Opening:
 
     sections: their arrays by name. A side is one part of a pair against the other; sides 2k and 2k + 1 are
     pair k. "opening.starts" (S + 1), first point of each side. "opening.points" (K), vertex of each point;
-    ".want" (K) m, distance that it keeps from the other part. ".spacing" (1) m, least distance of points.
+    ".want" (K) m, distance that it keeps from the other part. ".spacing" (1) m, least between points.
     ".slope" (1), change of a push along the skin, metres for each metre. ".allowed" (S, C) m, longest push of
     each vertex.
 
-    "skin.rest" (V, 3) m, the first vertices of the collider at rest. ".faces" (F, 3), skin of all parts.
+    "skin.rest" (V, 3) m, the first vertices of the collider at rest. ".faces" (F, 3), the skin of all parts.
     ".clear" (C) m, distance along the skin within which other vertices are no points beside one that is, -1
     for those; ".reach" (1) m, how much farther a push of a point reaches.
 

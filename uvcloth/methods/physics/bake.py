@@ -13,10 +13,10 @@ from uvcloth.methods.physics.caged_garment import CagedGarment
 from uvcloth.physics.cloth.solver import Solver
 from uvcloth.physics.outfit_clearing import OutfitClearing
 
-REST_STEP, SHARE_STEP, COVERED_STEP = 2.0**-17, 2.0**-15, 2.0**-12
+REST_STEP, SHARE_STEP, COVERED_STEP = 2.0**-15, 2.0**-15, 2.0**-12
 """Steps that vertices at rest, m, shares that make one whole, and those of covered points are rounded to."""
 
-LEAST_WEIGHT = 1e-3
+LEAST_WEIGHT = 1e-4
 """Blend weight of cloth below which a joint is left out of a file."""
 
 STEPS = {
@@ -131,14 +131,18 @@ def _following(garments: Sequence[CagedGarment]) -> dict[str, NDArray[Any]]:
 
 
 def _shares(weights: NDArray[Any], counts: NDArray[np.int64]) -> NDArray[np.float64]:
-    """All but the last of the weights (E,) of each row, of so many, as shares of their sum."""
+    """All but the last of the weights (E,) of each row, of so many, as shares of their sum.
+
+    They are rounded so that the last one, which follows from them, is off by no more than the others are.
+    """
     ends = np.cumsum(counts)
     sums = np.add.reduceat(weights.astype(np.float64), ends - counts)
-    return np.delete(weights / np.repeat(sums, counts), ends - 1)
+    steps = np.rint(np.cumsum(weights / np.repeat(sums, counts)) / SHARE_STEP)
+    return np.delete(np.diff(steps, prepend=0.0) * SHARE_STEP, ends - 1)
 
 
 def _parts(faces: NDArray[np.int64], clearing: OutfitClearing) -> dict[str, NDArray[Any]]:
-    """Closed parts of a body: their rows among its faces (F, 3), their caps, and which cloth may touch."""
+    """Closed parts of a body: their rows among its faces (F, 3), their caps, and those that cloth meets."""
     closed, body = clearing.closed, clearing.opening.runtime.vertices - len(clearing.closed.rims)
     skins, caps = [], []
     for part in closed.parts:
