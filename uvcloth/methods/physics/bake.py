@@ -41,12 +41,12 @@ def baked_sections(
     solver: Solver,
     clearing: OutfitClearing,
     hold: NDArray[np.floating],
-    least_weight: float,
+    rounded: bool,
 ) -> dict[str, NDArray[Any]]:
     """The arrays of a baked outfit, by their names in runtime/src/outfit.h.
 
-    solver: of all cages. clearing: of the garments. hold: (n,) 1/s, the attachment of bands. least_weight: of
-    cloth, below which a joint is left out.
+    solver: of all cages. clearing: of the garments. hold: (n,) 1/s, the attachment of bands. rounded: as
+    a file has them.
     """
     settings = solver.settings
     rims = [rim.numpy() for rim in clearing.closed.rims]
@@ -74,20 +74,22 @@ def baked_sections(
         "skeleton.heads": body.skeleton.heads.numpy(),
         "caps.rim_starts": _starts([len(rim) for rim in rims]),
         "caps.rims": np.concatenate([np.zeros((0, 2), np.int64), *rims]),
-        **_skin("body", body.mesh.vertices, body.weights, 0.0),
+        **_skin("body", body.mesh.vertices, body.weights, 0.0, rounded),
         **_skin(
             "cages",
             torch.cat([each.cage.vertices for each in garments]),
             torch.cat([each.cage_weights for each in garments]),
-            least_weight,
+            LEAST_WEIGHT,
+            rounded,
         ),
         **_skin(
             "points",
             torch.cat([each.mesh.points for each in garments]),
             torch.cat([each.weights for each in garments]),
-            least_weight,
+            LEAST_WEIGHT,
+            rounded,
         ),
-        **_following(garments),
+        **_following(garments, rounded),
         **_parts(body.mesh.faces.numpy(), clearing),
         **clearing.opening.runtime.sections,
         **clearing.fine.sections,
@@ -102,19 +104,23 @@ def _starts(sizes: Sequence[int]) -> NDArray[np.int64]:
     return np.cumsum([0, *sizes])
 
 
-def _skin(name: str, rest: Tensor, weights: Tensor, least: float) -> dict[str, NDArray[Any]]:
-    """Vertices (V, 3) m at rest, and those of their weights (V, J) that are above 0 and at least `least`."""
-    rows, joints = np.nonzero((weights.numpy() >= least) & (weights.numpy() != 0.0))
+def _skin(name: str, rest: Tensor, weights: Tensor, least: float, rounded: bool) -> dict[str, NDArray[Any]]:
+    """Vertices (V, 3) m at rest, and those of their weights (V, J) that are above 0, or at least `least`.
+
+    rounded: as a file has them; otherwise all that are above 0 stay.
+    """
+    kept = weights.numpy() >= least if rounded and least else weights.numpy() != 0.0
+    rows, joints = np.nonzero(kept)
     counts = np.bincount(rows, minlength=len(rest))
     return {
         f"{name}.rest": rest.numpy(),
         f"{name}.starts": _starts(counts.tolist()),
         f"{name}.joints": joints,
-        f"{name}.weights": _shares(weights.numpy()[rows, joints], counts),
+        f"{name}.weights": _shares(weights.numpy()[rows, joints], counts, rounded),
     }
 
 
-def _following(garments: Sequence[CagedGarment]) -> dict[str, NDArray[Any]]:
+def _following(garments: Sequence[CagedGarment], rounded: bool) -> dict[str, NDArray[Any]]:
     """Vertices of all cages around each point of all garments, and their weights."""
     corners, weights, counts = [], [], []
     for each in garments:
@@ -126,19 +132,21 @@ def _following(garments: Sequence[CagedGarment]) -> dict[str, NDArray[Any]]:
     return {
         "follow.starts": _starts(counts),
         "follow.cage": np.concatenate(corners),
-        "follow.weights": _shares(np.concatenate(weights), np.array(counts)),
+        "follow.weights": _shares(np.concatenate(weights), np.array(counts), rounded),
     }
 
 
-def _shares(weights: NDArray[Any], counts: NDArray[np.int64]) -> NDArray[np.float64]:
+def _shares(weights: NDArray[Any], counts: NDArray[np.int64], rounded: bool) -> NDArray[np.float64]:
     """All but the last of the weights (E,) of each row, of so many, as shares of their sum.
 
-    They are rounded so that the last one, which follows from them, is off by no more than the others are.
+    If they are rounded, the last one, which follows from them, is off by no more than the others are.
     """
     ends = np.cumsum(counts)
     sums = np.add.reduceat(weights.astype(np.float64), ends - counts)
-    steps = np.rint(np.cumsum(weights / np.repeat(sums, counts)) / SHARE_STEP)
-    return np.delete(np.diff(steps, prepend=0.0) * SHARE_STEP, ends - 1)
+    shares = weights / np.repeat(sums, counts)
+    if rounded:
+        shares = SHARE_STEP * np.diff(np.rint(np.cumsum(shares) / SHARE_STEP), prepend=0.0)
+    return np.delete(shares, ends - 1)
 
 
 def _parts(faces: NDArray[np.int64], clearing: OutfitClearing) -> dict[str, NDArray[Any]]:

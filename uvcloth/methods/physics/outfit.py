@@ -15,7 +15,7 @@ from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.physics.bake import LEAST_WEIGHT, STEPS, baked_sections
+from uvcloth.methods.physics.bake import STEPS, baked_sections
 from uvcloth.methods.physics.caged_garment import CagedGarment, caged
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.cloth.solver import HOLD, Settings, make_solver
@@ -82,7 +82,7 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
 
     Raises InputError for a garment that nothing holds up, and for cloth that the solver cannot step.
     """
-    garments, sections = _caged_sections(outfit, config, 0.0)
+    garments, sections = _caged_sections(outfit, config, rounded=False)
     return CagedOutfit(garments, BakedOutfit(pack(sections)))
 
 
@@ -94,11 +94,11 @@ def bake_outfit(outfit: Outfit, config: PhysicsConfig) -> bytes:
     """
     if outfit.body.pose_shapes is not None:
         raise InputError(f"body {outfit.body.name}: pose shapes cannot be baked, only blend weights")
-    return pack(_caged_sections(outfit, config, LEAST_WEIGHT)[1], STEPS)
+    return pack(_caged_sections(outfit, config, rounded=True)[1], STEPS)
 
 
 def _caged_sections(
-    outfit: Outfit, config: PhysicsConfig, least_weight: float
+    outfit: Outfit, config: PhysicsConfig, rounded: bool
 ) -> tuple[tuple[CagedGarment, ...], dict[str, NDArray[Any]]]:
     """Garments with their cages, and the arrays of the baked outfit."""
     body = outfit.body
@@ -134,4 +134,4 @@ def _caged_sections(
         cloth, joined.vertices.numpy(), clearing.cages_solid, config.settings, f"garment {names}"
     )
     hold = np.where(held.numpy(), HOLD, 0.0)
-    return garments, baked_sections(body, garments, solver, clearing, hold, least_weight)
+    return garments, baked_sections(body, garments, solver, clearing, hold, rounded)
