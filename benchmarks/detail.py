@@ -37,8 +37,8 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
+from uvcloth.methods.physics.dressed import dressed, move_on, shown
 from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
-from uvcloth.methods.physics.worn import dressed, move_on, shown
 from uvcloth.physics.outfit_clearing import FOLLOWING, OutfitClearing
 from uvcloth.process.command import run_command
 

@@ -31,8 +31,8 @@ from uvcloth.files.options import AtLeast
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
+from uvcloth.methods.physics.dressed import dressed, move_on
 from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
-from uvcloth.methods.physics.worn import dressed, move_on
 from uvcloth.process.command import run_command
 from uvcloth.simulate.run import RUN_UP
 

@@ -14,8 +14,8 @@ from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.fields import check_fields, numbers, text, whole
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.methods.physics.dressed import dressed, shown
 from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
-from uvcloth.methods.physics.worn import dressed, shown
 
 SETTLED_FILE = "settled.npz"
 """File of a run with the outfits that were settled for it."""

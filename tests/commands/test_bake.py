@@ -28,7 +28,7 @@ from uvcloth.errors import InputError
 from uvcloth.export.animation import load_animation
 from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.skinning import skin, strongest
-from uvcloth.methods.physics.bake import bake_outfit
+from uvcloth.methods.physics.outfit import bake_outfit
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.surface import BodySurface

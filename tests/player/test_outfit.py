@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Outfit as WornOutfit
 from uvcloth.garments.templates import fit_template
-from uvcloth.methods.physics.bake import bake_outfit
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import PhysicsConfig
+from uvcloth.methods.physics.outfit import PhysicsConfig, bake_outfit, make_caged_outfit
 from uvcloth.motion.library import load_clip
 from uvcloth.player.outfit import Cloth, Outfit
 from uvcloth.rollout import rollout
@@ -33,7 +32,7 @@ def worn(body: Body) -> WornOutfit:
 
 @pytest.fixture(scope="module")
 def content(worn: WornOutfit) -> bytes:
-    return bake_outfit(worn, FAST)
+    return make_caged_outfit(worn, FAST).baked.content
 
 
 @pytest.fixture(scope="module")

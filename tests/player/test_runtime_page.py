@@ -9,8 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+from numpy.typing import NDArray
 
-from tests.player.small_outfit import small_motion, small_outfit
+from uvcloth.bodies.body import Body
+from uvcloth.garments.garment import Outfit as WornOutfit
+from uvcloth.garments.templates import fit_template
+from uvcloth.methods.physics.outfit import PhysicsConfig, bake_outfit
+from uvcloth.motion.library import load_clip
 from uvcloth.player.library import library
 from uvcloth.player.outfit import Cloth, Outfit
 
@@ -45,8 +51,19 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "play"
 
 
-def test_the_program_gives_the_vertices_that_python_does(program: Path, tmp_path: Path) -> None:
-    content, motion = small_outfit(), small_motion()
+@pytest.fixture(scope="module")
+def content(body: Body) -> bytes:
+    return bake_outfit(WornOutfit(body, (fit_template("skirt", body),)), PhysicsConfig("fast"))
+
+
+@pytest.fixture(scope="module")
+def motion(body: Body) -> NDArray[np.float64]:
+    return np.asarray(load_clip("walk", body).transforms(torch.float64).numpy()[:8])
+
+
+def test_the_program_gives_the_vertices_that_python_does(
+    program: Path, content: bytes, motion: NDArray[np.float64], tmp_path: Path
+) -> None:
     (tmp_path / "hero.cloth").write_bytes(content)
     motion.tofile(tmp_path / "hero.motion")
     command = [program, *(tmp_path / f"hero.{end}" for end in ("cloth", "motion", "vertices"))]
@@ -59,9 +76,11 @@ def test_the_program_gives_the_vertices_that_python_does(program: Path, tmp_path
         np.testing.assert_array_equal(vertices, cloth.vertices(0))
 
 
-def test_the_program_says_what_is_wrong(program: Path, tmp_path: Path) -> None:
-    (tmp_path / "hero.cloth").write_bytes(small_outfit()[:-1])
-    small_motion().tofile(tmp_path / "hero.motion")
+def test_the_program_says_what_is_wrong(
+    program: Path, content: bytes, motion: NDArray[np.float64], tmp_path: Path
+) -> None:
+    (tmp_path / "hero.cloth").write_bytes(content[:-1])
+    motion.tofile(tmp_path / "hero.motion")
     command = [program, *(tmp_path / f"hero.{end}" for end in ("cloth", "motion", "vertices"))]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (1, "the outfit is cut or damaged\n")

@@ -38,8 +38,8 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.mesh import welded
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import blend_transforms, skin
+from uvcloth.methods.physics.dressed import dressed, move_on
 from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
-from uvcloth.methods.physics.worn import dressed, move_on
 from uvcloth.methods.recurrent.condition import condition
 from uvcloth.physics.fabric import JERSEY, Fabric
 from uvcloth.physics.surface import BodySurface, SurfacePoints

@@ -23,9 +23,9 @@ from uvcloth.methods.capabilities import (
 from uvcloth.methods.finish_names import FINISHES, FinishName
 from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method, Traits
+from uvcloth.methods.physics.dressed import ClothMemory, dressed, move_on, settle, shown
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import CagedOutfit
-from uvcloth.methods.physics.worn import Worn, dressed, move_on, settle, shown
 from uvcloth.player.outfit import Cloth
 
 PULL = 2.0
@@ -37,7 +37,7 @@ class FinishState:
     """States of the method and of the solver."""
 
     guide: Any
-    cloth: tuple[Worn, ...]
+    cloth: tuple[ClothMemory, ...]
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Finished(Finish):
             cloth, predicted = before.recalled(), [garment[place].cpu() for garment in raw]
             cloth.pull(_targets(cages, frames, place, predicted), self.pull)
             move_on(cloth, frames.joints[place], frames.fps)
-            following.append(Worn.after(cloth))
+            following.append(ClothMemory.after(cloth))
             rows.append(_where_finite(predicted, shown(cloth, frames.origin[place])))
         finished = tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
         guided = feed_back(self.guide, guide, guided, finished)

@@ -11,8 +11,8 @@ from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
 from uvcloth.methods.capabilities import Representation
 from uvcloth.methods.method import Method, MethodEntry, Traits
+from uvcloth.methods.physics.dressed import ClothMemory, dressed, move_on, shown
 from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
-from uvcloth.methods.physics.worn import Worn, dressed, move_on, shown
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,13 @@ class Physics(Method, Representation):
         """Make the cages, on the CPU. Raises InputError as `make_caged_outfit` does."""
         return make_caged_outfit(outfit, self.config)
 
-    def init(self, prepared: CagedOutfit, frames: BodyFrames) -> tuple[Worn, ...]:
+    def init(self, prepared: CagedOutfit, frames: BodyFrames) -> tuple[ClothMemory, ...]:
         """Let cloth settle on the bodies as they stand in the frames. Raises InputError if it cannot."""
-        return tuple(Worn.after(dressed(prepared, joints)) for joints in frames.joints)
+        return tuple(ClothMemory.after(dressed(prepared, joints)) for joints in frames.joints)
 
     def step(
-        self, prepared: CagedOutfit, state: tuple[Worn, ...], frames: BodyFrames
-    ) -> tuple[tuple[Worn, ...], tuple[Tensor, ...]]:
+        self, prepared: CagedOutfit, state: tuple[ClothMemory, ...], frames: BodyFrames
+    ) -> tuple[tuple[ClothMemory, ...], tuple[Tensor, ...]]:
         """Garments (B, N, 3) m of the next frame of B rollouts.
 
         Raises InputError for a body that is too fast for cloth.
@@ -47,7 +47,7 @@ class Physics(Method, Representation):
         for before, joints, origin in zip(state, frames.joints, frames.origin, strict=True):
             cloth = before.recalled()
             move_on(cloth, joints, frames.fps)
-            following.append(Worn.after(cloth))
+            following.append(ClothMemory.after(cloth))
             rows.append(shown(cloth, origin))
         device = frames.vertices.device
         return tuple(following), tuple(torch.stack(each).to(device) for each in zip(*rows, strict=True))

@@ -16,7 +16,7 @@ from uvcloth.player.outfit import Cloth
 
 
 @dataclass(frozen=True)
-class Worn:
+class ClothMemory:
     """Cloth of one rollout, in the world: `memory` is all that it remembers, whatever moved `cloth` since."""
 
     cloth: Cloth
