@@ -1,4 +1,4 @@
-/* Entropy coding of whole numbers, as the shipped motions and rollouts are stored; and what a processor can. */
+/* Entropy coding of whole numbers, as the shipped motions and rollouts are stored. */
 #ifndef UVCLOTH_CODEC_H
 #define UVCLOTH_CODEC_H
 
@@ -28,9 +28,6 @@ UVC_API int64_t uvc_encode_section(const int32_t *numbers, int rows, int columns
 /* Decodes so many bytes into numbers (rows, columns), of zeros before. Returns 1, or 0 if the code ends before
  * them; any bytes are safe. */
 UVC_API int uvc_decode_section(const uint8_t *code, int64_t size, int32_t *numbers, int rows, int columns);
-
-/* Whether this processor runs code for x86-64-v3 (AVX2, FMA, BMI), for which a second library is compiled. */
-UVC_API int uvc_has_v3(void);
 
 #ifdef __cplusplus
 }

@@ -59,11 +59,7 @@ void pose_all(Character &character, const Rigid *joints, Posed &posed) {
     const Outfit &outfit = character.outfit;
     const Skeleton &skeleton = outfit.skeleton;
     Arena work;
-    const double(&m)[3][3] = joints[0].turn.at;
-    Vec64 head = skeleton.heads[0];
-    posed.origin = joints[0].shift + Vec64{m[0][0] * head.x + m[0][1] * head.y + m[0][2] * head.z,
-                                           m[1][0] * head.x + m[1][1] * head.y + m[1][2] * head.z,
-                                           m[2][0] * head.x + m[2][1] * head.y + m[2][2] * head.z};
+    posed.origin = taken(joints[0], skeleton.heads[0]);
     int count = skeleton.parents.size;
     Array<float> transforms = work.take<float>(12 * count);
     for (int k = 0; k < count; k++)

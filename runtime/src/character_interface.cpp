@@ -34,13 +34,10 @@ Array<Rigid> rigid(const double *joints, int count, Arena &arena) {
 extern "C" {
 
 uvc_outfit *uvc_read(const void *bytes, size_t size, char *message, size_t room) {
-    uvc::Failure failure{message, room};
-    uvc_outfit *outfit = uvc::make<uvc_outfit>();
-    uvc::Sections sections = uvc::read_sections(bytes, size, failure);
-    if (!failure.failed) uvc::read_outfit(sections, outfit->data, failure);
-    if (!failure.failed) return outfit;
-    uvc_free(outfit);
-    return nullptr;
+    auto read = [](const uvc::Sections &sections, uvc_outfit &object, uvc::Failure &failure) {
+        uvc::read_outfit(sections, object.data, failure);
+    };
+    return uvc::read_object<uvc_outfit>(bytes, size, message, room, read);
 }
 
 void uvc_free(uvc_outfit *outfit) { uvc::drop(outfit); }

@@ -9,25 +9,13 @@ struct uvc_clearing {
 extern "C" {
 
 uvc_clearing *uvc_read_clearing(const void *bytes, size_t size, char *message, size_t room) {
-    uvc::Failure failure{message, room};
-    void *place = calloc(1, sizeof(uvc_clearing));
-    if (!place) {
-        failure.say("there is no memory for the outfit");
-        return nullptr;
-    }
-    uvc_clearing *clearing = new (place) uvc_clearing;
-    uvc::Sections sections = uvc::read_sections(bytes, size, failure);
-    if (!failure.failed) uvc::read_clearing(sections, clearing->data, failure);
-    if (!failure.failed) return clearing;
-    uvc_free_clearing(clearing);
-    return nullptr;
+    auto read = [](const uvc::Sections &sections, uvc_clearing &object, uvc::Failure &failure) {
+        uvc::read_clearing(sections, object.data, failure);
+    };
+    return uvc::read_object<uvc_clearing>(bytes, size, message, room, read);
 }
 
-void uvc_free_clearing(uvc_clearing *clearing) {
-    if (!clearing) return;
-    clearing->~uvc_clearing();
-    free(clearing);
-}
+void uvc_free_clearing(uvc_clearing *clearing) { uvc::drop(clearing); }
 
 size_t uvc_clearing_memory(const uvc_clearing *clearing) {
     return uvc::memory_size(clearing->data);

@@ -14,8 +14,8 @@ struct Children {
 // Faces in blocks of eight that lie together, the last of them filled up with its last face, under a tree of
 // nodes that each have up to eight children. Nothing here changes.
 //
-// order: the faces of the blocks. nodes: those over blocks come first, so
-// many; the children of others are nodes before them, and the root is the last.
+// order: the faces of the blocks. nodes: those over blocks come first, over_blocks of them; the children of
+// others are nodes before them, and the root is the last.
 struct LaneTree {
     Array<Face> faces;
     Array<int32_t> order;

@@ -88,7 +88,7 @@ Layers read_layers(const Sections &sections, Array<Vec> rest, Array<Face> faces,
         if (layers.inner[pair] >= layers.outer[pair] || (pair && layers.outer[pair] < layers.outer[pair - 1]))
             failure.say("pair %d of section layers.outer of the outfit is not in order", pair);
     layers.face_starts = first_faces(layers.starts, faces, arena);
-    if (!layers.face_starts.size) failure.say("section cloth.faces of the outfit mixes garments");
+    if (!layers.face_starts.size) failure.say("section fine.faces of the outfit mixes garments");
     if (failure.failed) return {};
     layers.parts = arena.take<int32_t>(faces.size);
     layers.all_parts = arena.take<int32_t>(garments);

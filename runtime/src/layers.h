@@ -1,8 +1,8 @@
 // Layers: points of outer garments are moved off the garments beneath them.
 #pragma once
 
-#include "sections.h"
 #include "lane_tree.h"
+#include "sections.h"
 #include "surface.h"
 
 namespace uvc {

@@ -25,25 +25,13 @@ Graph graph_of(const uvc_graph &graph) {
 extern "C" {
 
 uvc_opening *uvc_read_opening(const void *bytes, size_t size, int vertices, char *message, size_t room) {
-    uvc::Failure failure{message, room};
-    void *place = calloc(1, sizeof(uvc_opening));
-    if (!place) {
-        failure.say("there is no memory for the opening");
-        return nullptr;
-    }
-    uvc_opening *opening = new (place) uvc_opening;
-    uvc::Sections sections = uvc::read_sections(bytes, size, failure);
-    if (!failure.failed) uvc::read_opening(sections, vertices, opening->data, opening->arena, failure);
-    if (!failure.failed) return opening;
-    uvc_free_opening(opening);
-    return nullptr;
+    auto read = [vertices](const uvc::Sections &sections, uvc_opening &object, uvc::Failure &failure) {
+        uvc::read_opening(sections, vertices, object.data, object.arena, failure);
+    };
+    return uvc::read_object<uvc_opening>(bytes, size, message, room, read);
 }
 
-void uvc_free_opening(uvc_opening *opening) {
-    if (!opening) return;
-    opening->~uvc_opening();
-    free(opening);
-}
+void uvc_free_opening(uvc_opening *opening) { uvc::drop(opening); }
 
 void uvc_open_frames(const uvc_opening *opening, float *frames, int count) {
     uvc::Arena arena;

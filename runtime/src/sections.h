@@ -58,4 +58,17 @@ Array<int32_t> read_starts(const Sections &, const char *name, int count, int to
 // One number of a section of one row.
 float read_number(const Sections &, const char *name, Failure &);
 
+// Makes an object of packed sections, by read(sections, object, failure); null, with a sentence, if they are
+// damaged or do not fit together. `drop` gives it back.
+template <class T, class Read>
+T *read_object(const void *bytes, size_t size, char *message, size_t room, Read read) {
+    Failure failure{message, room};
+    T *object = make<T>();
+    Sections sections = read_sections(bytes, size, failure);
+    if (!failure.failed) read(sections, *object, failure);
+    if (!failure.failed) return object;
+    drop(object);
+    return nullptr;
+}
+
 }  // namespace uvc

@@ -79,6 +79,8 @@ double rounded(double a, double steps) { return __builtin_floor(a * steps + 0.5)
 
 }  // namespace
 
+Vec64 taken(const Rigid &joint, Vec64 point) { return joint.turn * point + joint.shift; }
+
 Skeleton read_skeleton(const Sections &sections, Arena &arena, Failure &failure) {
     Skeleton skeleton;
     skeleton.parents = read_integers(sections, "skeleton.parents", -1, 1, arena, failure);
@@ -103,7 +105,7 @@ Turn local_turn(const Skeleton &skeleton, const Rigid *transforms, int joint) {
 Pose read_pose(const Skeleton &skeleton, const Rigid *transforms, Arena &arena) {
     const Rigid &root = transforms[0];
     Pose pose{arena.take<Vec64>(skeleton.parents.size), heading(root.turn),
-              root.turn * skeleton.heads[0] + root.shift};
+              taken(root, skeleton.heads[0])};
     for (int joint = 0; joint < skeleton.parents.size; joint++) {
         Turn local = joint ? local_turn(skeleton, transforms, joint) : transposed(pose.heading) * root.turn;
         pose.turns[joint] = axis_angle(local);
@@ -130,7 +132,7 @@ void way_to(const Skeleton &skeleton, const Pose &pose, double share, Rigid *tra
 
 Place place_of(const Rigid &root, Vec64 head) {
     Turn facing = heading(root.turn);
-    return {facing.at[0][0], facing.at[1][0], root.turn * head + root.shift};
+    return {facing.at[0][0], facing.at[1][0], taken(root, head)};
 }
 
 Vec64 brought_in(const Place &place, Vec64 point) {

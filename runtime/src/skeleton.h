@@ -16,6 +16,9 @@ struct Rigid {
     Vec64 shift;
 };
 
+// Where a joint takes a point at rest, m.
+Vec64 taken(const Rigid &joint, Vec64 point);
+
 // parents: of each joint, before it; -1 for the root, which is the first. heads: of joints at rest, m.
 struct Skeleton {
     Array<int32_t> parents;

@@ -17,13 +17,10 @@ struct uvc_pairs {
 extern "C" {
 
 uvc_solver *uvc_read_solver(const void *bytes, size_t size, char *message, size_t room) {
-    uvc::Failure failure{message, room};
-    uvc_solver *solver = uvc::make<uvc_solver>();
-    uvc::Sections sections = uvc::read_sections(bytes, size, failure);
-    if (!failure.failed) uvc::read_solver(sections, solver->data, failure);
-    if (!failure.failed) return solver;
-    uvc_free_solver(solver);
-    return nullptr;
+    auto read = [](const uvc::Sections &sections, uvc_solver &object, uvc::Failure &failure) {
+        uvc::read_solver(sections, object.data, failure);
+    };
+    return uvc::read_object<uvc_solver>(bytes, size, message, room, read);
 }
 
 void uvc_free_solver(uvc_solver *solver) { uvc::drop(solver); }
@@ -64,17 +61,14 @@ void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides, int32_
 int uvc_solve(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
               int32_t *faces, float *clear, uvc_pairs *pairs) {
     return uvc::step(solver->data, *motion, reinterpret_cast<uvc::Vec *>(positions),
-              reinterpret_cast<uvc::Vec *>(velocities), {faces, clear}, pairs->data);
+                     reinterpret_cast<uvc::Vec *>(velocities), {faces, clear}, pairs->data);
 }
 
 uvc_elastic *uvc_read_elastic(const void *bytes, size_t size, int vertices, char *message, size_t room) {
-    uvc::Failure failure{message, room};
-    uvc_elastic *elastic = uvc::make<uvc_elastic>();
-    uvc::Sections sections = uvc::read_sections(bytes, size, failure);
-    if (!failure.failed) elastic->data = uvc::read_elastic(sections, vertices, elastic->arena, failure);
-    if (!failure.failed) return elastic;
-    uvc_free_elastic(elastic);
-    return nullptr;
+    auto read = [vertices](const uvc::Sections &sections, uvc_elastic &object, uvc::Failure &failure) {
+        object.data = uvc::read_elastic(sections, vertices, object.arena, failure);
+    };
+    return uvc::read_object<uvc_elastic>(bytes, size, message, room, read);
 }
 
 void uvc_free_elastic(uvc_elastic *elastic) { uvc::drop(elastic); }

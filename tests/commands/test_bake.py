@@ -28,7 +28,6 @@ from uvcloth.errors import InputError
 from uvcloth.export.animation import load_animation
 from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.skinning import skin, strongest
-from uvcloth.methods.physics.outfit import bake_outfit
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.surface import BodySurface
@@ -43,7 +42,7 @@ MILLIMETRE = 1e-3
 def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A skirt on the body of the package, which walks."""
     path = tmp_path_factory.mktemp("baked") / "skirt.glb"
-    bake(Bake(("skirt",), path, motion="walk", quality="fast", options=SOME), bake_outfit)
+    bake(Bake(("skirt",), path, motion="walk", quality="fast", options=SOME))
     return path
 
 
@@ -60,7 +59,7 @@ def hero(character: Path) -> Path:
     """The character in two garments, walking."""
     path = character.with_name("baked.glb")
     command = Bake(("bottoms", "tops"), path, body=character, motion="walk", quality="fast", options=SOME)
-    bake(command, bake_outfit)
+    bake(command)
     return path
 
 
@@ -242,16 +241,20 @@ def test_what_cannot_be_played_says_why_and_leaves_nothing(own: Path, tmp_path: 
     assert [path.name for path in tmp_path.iterdir()] == ["worn.glb"]
 
 
-def test_what_cannot_be_baked_says_why_and_leaves_nothing(tmp_path: Path, body: Body) -> None:
+def test_what_cannot_be_baked_says_why_and_leaves_nothing(
+    tmp_path: Path, body: Body, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def torn(*_: object) -> bytes:
         raise InputError("garment dress: is torn")
 
     command = Bake(("dress",), tmp_path / "out.glb")
-    with pytest.raises(InputError, match="garment dress: is torn"):
-        bake(command, torn)
+    with monkeypatch.context() as changed:
+        changed.setattr("uvcloth.commands.bake_file.bake_outfit", torn)
+        with pytest.raises(InputError, match="garment dress: is torn"):
+            bake(command)
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.4)
     ball.vertices += body.skeleton.heads[0].numpy()
     ball.export(tmp_path / "ball.obj")
     with pytest.raises(InputError, match="ball"):
-        bake(replace(command, garment=(str(tmp_path / "ball.obj"),)), bake_outfit)
+        bake(replace(command, garment=(str(tmp_path / "ball.obj"),)))
     assert not (tmp_path / "out.glb").exists()

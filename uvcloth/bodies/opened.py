@@ -5,8 +5,9 @@ skins of two such parts come closer than GAP, each is pushed back by half of the
 skin around it moves along. The visible body does not change.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -40,9 +41,14 @@ POINT_SPACING = 0.012
 
 @dataclass(frozen=True)
 class Opening:
-    """Opening of a collider, by the runtime."""
+    """Opening of a collider; sections: its arrays by name, as `uvcloth.player.opening.Opening` has them."""
 
-    runtime: opening.Opening
+    sections: Mapping[str, np.ndarray]
+
+    @cached_property
+    def runtime(self) -> opening.Opening:
+        """The same in the runtime, read before it first opens a frame."""
+        return opening.Opening(self.sections)
 
     def opened(self, vertices: Tensor) -> Tensor:
         """Collider vertices (F, C, 3) or (C, 3) m with room between the parts, float32.
@@ -100,7 +106,7 @@ def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
     }
     at_rest = opening.Opening(sections).distances(collider.vertices(body).numpy()) - REST_MARGIN
     sections["opening.want"] = np.minimum(sections["opening.want"], at_rest)
-    return Opening(opening.Opening(sections))
+    return Opening(sections)
 
 
 def _skin_graph(body: Tensor, faces: Tensor, count: int) -> csr_array:

@@ -2,22 +2,22 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from tyro.conf import arg
 
 from uvcloth.commands.options import (
-    GARMENT,
     MOTION,
-    TEMPLATE_NAMES,
     Fabrics,
     FromBody,
     GarmentPose,
+    GarmentsInOrder,
     Holds,
     MotionFile,
+    Quality,
     Tucks,
 )
-from uvcloth.files.options import NewFile, Several, Source
+from uvcloth.files.options import NewFile, Source
 from uvcloth.motion.options import MotionOptions
 
 CHARACTERS = (".glb", ".gltf", ".vrm", ".fbx")
@@ -28,16 +28,7 @@ CHARACTERS = (".glb", ".gltf", ".vrm", ".fbx")
 class Bake:
     """Dress a character for the runtime: one glTF binary that viewers show and `uvcloth play` moves."""
 
-    garment: Annotated[
-        tuple[str, ...],
-        arg(
-            metavar="NAME|FILE ...",
-            help=f"Templates ({TEMPLATE_NAMES}) or garment files, in the order in which they are worn, the "
-            "innermost first.",
-        ),
-        GARMENT,
-        Several(least=1),
-    ]
+    garment: GarmentsInOrder
     out: Annotated[Path, NewFile((".glb",))]
     """File to write: .glb."""
     body: Annotated[
@@ -53,8 +44,7 @@ class Bake:
         MOTION,
     ] = None
     """A motion file or the name of a built-in clip, which becomes the first animation of the file."""
-    quality: Literal["fast", "default", "fine"] = "default"
-    """Size of the faces that the cloth solver moves: edges of about 57, 40 or 30 mm."""
+    quality: Quality = "default"
     tuck: Tucks = ()
     hold: Holds = ()
     garment_pose: GarmentPose = None
@@ -66,6 +56,5 @@ class Bake:
     def run(self) -> None:
         """Write the file and say what is in it. Raises InputError for bad input."""
         from uvcloth.commands.bake_file import bake
-        from uvcloth.methods.physics.outfit import bake_outfit
 
-        print("\n".join(bake(self, bake_outfit).lines()))
+        print("\n".join(bake(self).lines()))

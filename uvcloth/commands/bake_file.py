@@ -22,15 +22,11 @@ from uvcloth.export.writer import require_own_names
 from uvcloth.files.atomic import atomic_write
 from uvcloth.formats.gltf import read_gltf
 from uvcloth.garments.band import unheld_reason
-from uvcloth.garments.garment import Outfit
 from uvcloth.garments.own_joints import on_own_joints
-from uvcloth.methods.physics.outfit import PhysicsConfig
+from uvcloth.methods.physics.outfit import PhysicsConfig, bake_outfit
 from uvcloth.motion.lead_in import pose_from_rest
 from uvcloth.motion.library import load_clip
 from uvcloth.player.baked import ClothSkin
-
-BakeOutfit = Callable[[Outfit, PhysicsConfig], bytes]
-"""Function that makes an outfit what the runtime reads."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +47,7 @@ class Baked:
         ]
 
 
-def bake(command: Bake, bake_outfit: BakeOutfit) -> Baked:
+def bake(command: Bake) -> Baked:
     """Fit garments to a character or a body, and write the baked file.
 
     Raises InputError for bad input and a full disk; then, as after Ctrl-C, writes nothing.

@@ -50,6 +50,20 @@ DEVICE = Text(r"cpu|cuda(:\d{1,2})?", "cpu, cuda or cuda:N")
 SEED = Between(0, 2**32 - 1)
 
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ..."), GARMENT, Several()]
+GarmentsInOrder = Annotated[
+    tuple[str, ...],
+    arg(
+        metavar="NAME|FILE ...",
+        help=f"Templates ({TEMPLATE_NAMES}) or garment files, in the order in which they are worn, the "
+        "innermost first.",
+    ),
+    GARMENT,
+    Several(least=1),
+]
+Quality = Annotated[
+    Literal["fast", "default", "fine"],
+    arg(help="Size of the faces that the cloth solver moves: edges of about 57, 40 or 30 mm."),
+]
 Models = Annotated[
     tuple[str, ...],
     arg(

@@ -10,19 +10,19 @@ from tyro.conf import arg
 from uvcloth.commands.options import (
     DEVICE,
     EXTRAS,
-    GARMENT,
     MOTION,
-    TEMPLATE_NAMES,
     BodyFile,
     Dynamics,
     Fabrics,
     FromBody,
     GarmentPose,
+    GarmentsInOrder,
     Holds,
     Host,
     Models,
     MotionFile,
     Port,
+    Quality,
     TemplateName,
     Threads,
     Tucks,
@@ -46,16 +46,7 @@ class Rollout:
 
     motion: Annotated[str, MOTION]
     """A motion file (BVH, glTF, FBX, AMASS) or the name of a built-in clip."""
-    garment: Annotated[
-        tuple[str, ...],
-        arg(
-            metavar="NAME|FILE ...",
-            help=f"Templates ({TEMPLATE_NAMES}) or garment files, in the order in which they are worn, the "
-            "innermost first.",
-        ),
-        GARMENT,
-        Several(least=1),
-    ]
+    garment: GarmentsInOrder
     out: Annotated[
         tuple[Path, ...],
         arg(
@@ -80,8 +71,7 @@ class Rollout:
             "garments that the solver cannot hold up)",
         ),
     ] = None
-    quality: Literal["fast", "default", "fine"] = "default"
-    """Size of the faces that the cloth solver moves: edges of about 57, 40 or 30 mm."""
+    quality: Quality = "default"
     template: Annotated[
         tuple[TemplateName | Literal["auto"], ...],
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
@@ -17,6 +17,7 @@ from uvcloth.commands.options import (
     GarmentPose,
     Holds,
     Models,
+    Quality,
     Tucks,
 )
 from uvcloth.files.options import Between, Several, Source
@@ -51,8 +52,7 @@ class TryOn:
     body: BodyFile = None
     """A body made by `uvcloth body`, in the shape of the person."""
     model: Models = ()
-    quality: Literal["fast", "default", "fine"] = "default"
-    """Size of the faces that the cloth solver moves: edges of about 57, 40 or 30 mm."""
+    quality: Quality = "default"
     tuck: Tucks = ()
     hold: Holds = ()
     garment_pose: GarmentPose = None

@@ -1,7 +1,9 @@
 """Clearing of a whole outfit: garments are moved off the skin and off the garments beneath them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import torch
@@ -52,8 +54,8 @@ class OutfitClearing:
 
     Clearances are for adults: size is the height of the body over that of the nearest adult. meshes: the
     garments, welded. closed: the body as closed parts. opening: moves these apart to give cloth room. met:
-    (parts,) bool, those that cloth may touch; used: (C,) the collider's vertices of these. fine: of all
-    garments, of an adult's size; cages_solid: the same collider for the cages. apart: (G, G) bool, pairs of
+    (parts,) bool, those that cloth may touch; used: (C,) the collider's vertices of these. sections: the
+    arrays of `fine`, by name; cages_solid: the same collider for the cages. apart: (G, G) bool, pairs of
     garments that never meet.
     """
 
@@ -63,9 +65,14 @@ class OutfitClearing:
     opening: Opening
     met: Tensor
     used: Tensor
-    fine: Clearing
+    sections: Mapping[str, NDArray[Any]]
     cages_solid: SolidBody
     apart: Tensor
+
+    @cached_property
+    def fine(self) -> Clearing:
+        """Clearing of all garments, of an adult's size, in the runtime, read before its first frame."""
+        return Clearing(self.sections)
 
     @classmethod
     def of(cls, body: Body, meshes: Sequence[Mesh], cages: JoinedMesh | None = None) -> "OutfitClearing":
@@ -114,7 +121,7 @@ class OutfitClearing:
             make_opening(closed.for_cloth(met), rest),
             met,
             used,
-            Clearing(sections),
+            sections,
             make_body(at_rest, faces, cages_touch[met].numpy(), closed.crossed(cages_touch)[met].numpy()),
             apart,
         )

@@ -44,9 +44,7 @@ class Clearing:
 
     def begin(self) -> ClearingMemory:
         """Memory before the first frame, from which nothing is known."""
-        size = library().uvc_clearing_memory
-        size.restype = ctypes.c_size_t
-        content = np.empty(size(self._handle), np.uint8)
+        content = np.empty(library().uvc_clearing_memory(self._handle), np.uint8)
         library().uvc_begin_clearing(self._handle, pointer(content))
         return ClearingMemory(content)
 

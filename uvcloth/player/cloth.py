@@ -108,7 +108,6 @@ class ClothSolver:
         for name, array in kept.items():
             setattr(motion, name, pointer(array))
         core = library()
-        core.uvc_make_pairs.restype = ctypes.c_void_p
         handle = ctypes.c_void_p(core.uvc_make_pairs())
         try:
             core.uvc_set_pairs(

@@ -1,7 +1,7 @@
 """The compiled runtime, loaded once: on x86-64 the one of two libraries that the processor runs faster."""
 
 import sys
-from ctypes import CDLL, c_int, c_int64, c_void_p
+from ctypes import CDLL, c_int, c_int64, c_size_t, c_void_p
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,10 @@ BASELINE, WIDE = f"libuvcloth{SUFFIX}", f"libuvcloth_v3{SUFFIX}"
 """The library for every processor of its kind, and that for x86-64-v3 (AVX2, FMA, BMI)."""
 
 SIGNATURES: dict[str, tuple[Any, ...]] = {
+    "uvc_new": (c_void_p, c_void_p),
+    "uvc_saved_size": (c_size_t, c_void_p),
+    "uvc_clearing_memory": (c_size_t, c_void_p),
+    "uvc_make_pairs": (c_void_p,),
     "uvc_encode_numbers": (c_int64, c_void_p, c_int64, c_int64, c_int64, c_int64, c_void_p, c_int64),
     "uvc_decode_numbers": (c_int64, c_void_p, c_int64, c_void_p, c_int64, c_int64, c_int64, c_int64),
     "uvc_encode_section": (c_int64, c_void_p, c_int, c_int, c_void_p, c_int64),

@@ -41,9 +41,7 @@ class Cloth:
     def __init__(self, outfit: Outfit) -> None:
         """Make cloth that is nowhere before `start`."""
         self.outfit = outfit
-        make = library().uvc_new
-        make.restype = ctypes.c_void_p
-        self._handle = ctypes.c_void_p(make(outfit.handle))
+        self._handle = ctypes.c_void_p(library().uvc_new(outfit.handle))
         weakref.finalize(self, library().uvc_drop, self._handle)
 
     def start(self, joints: Joints) -> None:
@@ -75,9 +73,7 @@ class Cloth:
 
     def save(self) -> NDArray[np.uint8]:
         """Bytes of all that the cloth remembers."""
-        size = library().uvc_saved_size
-        size.restype = ctypes.c_size_t
-        content = np.empty(size(self._handle), np.uint8)
+        content = np.empty(library().uvc_saved_size(self._handle), np.uint8)
         library().uvc_save(self._handle, pointer(content))
         return content
 

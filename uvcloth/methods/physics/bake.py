@@ -91,8 +91,8 @@ def baked_sections(
         ),
         **_following(garments, rounded),
         **_parts(body.mesh.faces.numpy(), clearing),
-        **clearing.opening.runtime.sections,
-        **clearing.fine.sections,
+        **clearing.opening.sections,
+        **clearing.sections,
         **solver.cloth.sections(),
         **solver.body.sections(),
     }
@@ -151,7 +151,7 @@ def _shares(weights: NDArray[Any], counts: NDArray[np.int64], rounded: bool) -> 
 
 def _parts(faces: NDArray[np.int64], clearing: OutfitClearing) -> dict[str, NDArray[Any]]:
     """Closed parts of a body: their rows among its faces (F, 3), their caps, and those that cloth meets."""
-    closed, body = clearing.closed, clearing.opening.runtime.vertices - len(clearing.closed.rims)
+    closed, body = clearing.closed, len(clearing.opening.sections["skin.rest"])
     skins, caps = [], []
     for part in closed.parts:
         corners = part.numpy()

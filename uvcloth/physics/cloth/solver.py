@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +59,11 @@ class Solver:
     body: Body
     settings: Settings
     stable_step: float
-    runtime: ClothSolver
+
+    @cached_property
+    def runtime(self) -> ClothSolver:
+        """The same in the runtime, read before its first step: a baked outfit has a reader of its own."""
+        return ClothSolver.of({**self.cloth.sections(), **self.body.sections()})
 
 
 @dataclass(frozen=True)
@@ -115,7 +120,7 @@ def make_solver(cloth: Cloth, rest: NDArray, body: Body, settings: Settings, nam
             f"the limit is {MOST_SUBSTEPS_PER_SECOND}: one of its faces is too narrow, or its fabric is too "
             "stiff for its weight"
         )
-    return Solver(cloth, body, settings, step, ClothSolver.of({**cloth.sections(), **body.sections()}))
+    return Solver(cloth, body, settings, step)
 
 
 def start(solver: Solver, vertices: NDArray) -> State:
