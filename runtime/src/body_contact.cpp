@@ -21,9 +21,9 @@ constexpr float ALERT_SPEED = 0.5f;
 constexpr float SLIDE = 1e-3f;
 
 Vec normal_of(const Collider &collider, const Passage &passage, const Normals &normals, int vertex) {
-    if (normals.known.at(vertex) != passage.searches) {
-        normals.known.at(vertex) = passage.searches;
-        normals.normals.at(vertex) = unit(vertex_normal(collider.surface, passage.points.data, vertex));
+    if (!normals.known.at(vertex)) {
+        normals.known.at(vertex) = 1;
+        normals.normals.at(vertex) = unit(vertex_normal(collider.surface, passage.end, vertex));
     }
     return normals.normals.at(vertex);
 }

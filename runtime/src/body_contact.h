@@ -14,7 +14,7 @@ struct Contact {
     Vec point, way, normal;
 };
 
-// Vertex normals of the body at the last search, found where they are needed.
+// Vertex normals of the body at the end of the frame, found where they are needed: they say which side is out.
 struct Normals {
     Array<Vec> normals;
     Array<int32_t> known;

@@ -58,7 +58,8 @@ Array<float> shaped(const Outfit &outfit, const Rigid *joints, Arena &work) {
 void pose_all(Character &character, const Rigid *joints, Posed &posed) {
     const Outfit &outfit = character.outfit;
     const Skeleton &skeleton = outfit.skeleton;
-    Arena work;
+    Arena &work = character.scratch;
+    Scope scope(work);
     posed.origin = taken(joints[0], skeleton.heads[0]);
     int count = skeleton.parents.size;
     Array<float> transforms = work.take<float>(12 * count);
@@ -115,7 +116,6 @@ struct Next {
     Vec64 origin, drift;
     Array<Vec> positions, velocities, targets, body;
     Searched searched;
-    SelfContact contact;
 };
 
 // Targets of the cages, m, around the origin of `posed`: where they are pulled, or skinned where they are held.
@@ -127,7 +127,8 @@ Array<Vec> find_targets(const Character &character, Arena &work) {
     return targets;
 }
 
-// Solves a frame up to the pose, with as many substeps as it takes.
+// Solves a frame up to the pose, with as many substeps as it takes. Pairs of cloth near cloth are renewed at
+// once, all else is in `next`.
 bool solve(Character &character, float seconds, Arena &arena, Next &next, Failure &failure) {
     const Outfit &outfit = character.outfit;
     const SolverSettings &settings = outfit.settings;
@@ -192,6 +193,8 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
     motion.renewal = settings.renewal;
     motion.self_contact = 1;
     int substeps = most((int)__builtin_ceil(needed), 1);
+    Array<PointPair> points = arena.copy(character.contact.points.items);
+    Array<EdgePair> edges = arena.copy(character.contact.edges.items);
     for (int attempt = 0; attempt <= RETRIES; attempt++, substeps *= 2) {
         motion.substeps = substeps;
         motion.interval = whole((float)substeps * settings.interval / seconds + 0.5f);
@@ -200,10 +203,11 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
         next.velocities = arena.copy(speeds);
         next.searched = {arena.copy(character.searched.faces, rows).data,
                          arena.copy(character.searched.clear, rows).data};
-        next.contact.points.assign(character.contact.points.items);
-        next.contact.edges.assign(character.contact.edges.items);
-        if (step(outfit.solver, motion, next.positions.data, next.velocities.data, next.searched, next.contact))
+        if (step(outfit.solver, motion, next.positions.data, next.velocities.data, next.searched,
+                 character.contact, arena))
             return true;
+        character.contact.points.assign(points);
+        character.contact.edges.assign(edges);
     }
     failure.say("the cloth flies apart");
     return false;
@@ -221,8 +225,6 @@ void accept(Character &character, Next &next) {
     copy(character.body, next.body);
     memcpy(character.searched.faces, next.searched.faces, sizeof(int32_t) * rows);
     memcpy(character.searched.clear, next.searched.clear, sizeof(float) * rows);
-    swap(character.contact.points, next.contact.points);
-    swap(character.contact.edges, next.contact.edges);
     character.solved++;
 }
 
@@ -230,7 +232,8 @@ void accept(Character &character, Next &next) {
 void carry(Character &character) {
     const Outfit &outfit = character.outfit;
     const Posed &posed = character.posed;
-    Arena work;
+    Arena &work = character.scratch;
+    Scope scope(work);
     Vec middle = narrow(character.origin - posed.origin);
     Array<Vec> offsets = work.take<Vec>(posed.cages.size);
     for (int k = 0; k < offsets.size; k++) offsets[k] = character.positions[k] + middle - posed.cages[k];
@@ -245,9 +248,9 @@ void carry(Character &character) {
     Array<Vec> body = work.copy(posed.body), skin = work.copy(posed.skin);
     for (Vec &vertex : body) vertex = smaller * vertex;
     for (Vec &vertex : skin) vertex = smaller * vertex;
-    clear_skin(outfit.clearing, character.memory, points.data, body.data, CLEARANCE, CLEARING_REACH);
-    cover_skin(outfit.clearing, points.data, skin.data);
-    lift(outfit.clearing.layers, outfit.clearing.rings, points.data, CLEARANCE, 1);
+    clear_skin(outfit.clearing, character.memory, points.data, body.data, CLEARANCE, CLEARING_REACH, work);
+    cover_skin(outfit.clearing, points.data, skin.data, work);
+    lift(outfit.clearing.layers, outfit.clearing.rings, points.data, CLEARANCE, 1, work);
     for (Vec &point : points) point = outfit.size * point;
     character.shown_origin = posed.origin;
 }
@@ -302,7 +305,8 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
     const Skeleton &skeleton = character.outfit.skeleton;
     int count = skeleton.parents.size;
     if (!are_places(joints, count, failure)) return false;
-    Arena work;
+    Arena &work = character.scratch;
+    Scope scope(work);
     Array<Rigid> transforms = work.copy(joints, count), way = work.take<Rigid>(count);
     Place before = character.place;
     character.place = place_of(joints[0], skeleton.heads[0]);
@@ -315,25 +319,25 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
     double energy = 0;
     int first = character.rate > 0 ? POSING_FRAMES : 0;
     for (int frame = first; frame <= POSING_FRAMES + SETTLING_FRAMES; frame++) {
-        Arena arena;
+        Scope frame_scope(work);
         if (frame <= POSING_FRAMES) {
             way_to(skeleton, pose, (double)frame / POSING_FRAMES, way.data);
             pose_all(character, way.data, character.posed);
         }
         Posed &posed = character.posed;
         if (frame == first) {
-            Array<Vec> targets = find_targets(character, arena);
+            Array<Vec> targets = find_targets(character, work);
             Vec64 middle = mean(targets);
             character.origin = posed.origin + middle;
             character.drift = {};
-            copy(character.targets, around(targets, middle, arena));
+            copy(character.targets, around(targets, middle, work));
             copy(character.positions, character.targets);
-            copy(character.body, around(posed.body, middle, arena));
+            copy(character.body, around(posed.body, middle, work));
             memset(character.velocities.data, 0, sizeof(Vec) * (size_t)character.velocities.size);
             continue;
         }
         Next next;
-        if (!solve(character, SETTLING_SECONDS, arena, next, failure)) return false;
+        if (!solve(character, SETTLING_SECONDS, work, next, failure)) return false;
         accept(character, next);
         // Kinetic damping (Barnes 1999): cloth that slows down is stopped, or a skirt would swing for seconds.
         double before = energy;
@@ -362,7 +366,8 @@ bool step(Character &character, const Rigid *joints, float seconds, Failure &fai
         failure.say("a frame takes no time");
         return false;
     }
-    Arena work;
+    Arena &work = character.scratch;
+    Scope scope(work);
     Array<Rigid> transforms = work.copy(joints, count);
     bring_in(character.place, transforms.data, count);
     pose_all(character, transforms.data, character.posed);

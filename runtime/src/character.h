@@ -19,7 +19,7 @@ struct Posed {
 // if the rate is not 0. origin: mean of the cages' targets, m;
 // drift: m/s, its velocity. positions, m, and velocities, m/s, of the cloth (n), targets (n) and collider (C)
 // are around that origin. memory: of the clearing. shown: (U) points around shown_origin; `posed` is of the last
-// pose that was asked for, shown of the last that the cloth could follow.
+// pose that was asked for, shown of the last that the cloth could follow. scratch: memory for a frame.
 struct Character {
     const Outfit &outfit;
     bool is_started;
@@ -34,7 +34,7 @@ struct Character {
     ClearingMemory memory;
     Posed posed;
     OpeningWork opening;
-    Arena arena;
+    Arena arena, scratch;
 
     explicit Character(const Outfit &outfit);
 };

@@ -56,14 +56,16 @@ void uvc_drop(uvc_cloth *cloth) { uvc::drop(cloth); }
 
 int uvc_start(uvc_cloth *cloth, const double *joints, char *message, size_t room) {
     uvc::Failure failure{message, room};
-    uvc::Arena work;
+    uvc::Arena &work = cloth->data.scratch;
+    uvc::Scope scope(work);
     int count = cloth->data.outfit.skeleton.parents.size;
     return uvc::start(cloth->data, uvc::rigid(joints, count, work).data, failure);
 }
 
 int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, char *message, size_t room) {
     uvc::Failure failure{message, room};
-    uvc::Arena work;
+    uvc::Arena &work = cloth->data.scratch;
+    uvc::Scope scope(work);
     int count = cloth->data.outfit.skeleton.parents.size;
     return uvc::step(cloth->data, uvc::rigid(joints, count, work).data, (float)seconds, failure);
 }

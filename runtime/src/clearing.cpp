@@ -96,17 +96,21 @@ void read_clearing(const Sections &sections, Clearing &clearing, Failure &failur
     Array<Face> skin_triangles{reinterpret_cast<Face *>(skin_faces.data), skin_faces.size / 3};
     int32_t all[2] = {0, triangles.size}, all_skin[2] = {0, skin_triangles.size};
     Vec *skin_rest = reinterpret_cast<Vec *>(skin.data);
+    clearing.skin_vertices = points;
     clearing.rings = vertex_rings(triangles, vertices, arena);
-    clearing.cloth = make_surface(clearing.rest.data, vertices, triangles, {all, 2}, 4, arena);
-    clearing.skin = make_surface(skin_rest, points, skin_triangles, {all_skin, 2}, 4, arena);
+    clearing.cloth = make_box_tree(clearing.rest.data, triangles, {all, 2}, 4, arena);
+    clearing.skin = make_box_tree(skin_rest, skin_triangles, {all_skin, 2}, 4, arena);
     Covered &covered = clearing.covered;
     covered.corners = {reinterpret_cast<Face *>(corners.data), corners.size / 3};
     covered.weights = {reinterpret_cast<Vec *>(weights.data), corners.size / 3};
     covered.rest = arena.take<Vec>(corners.size / 3);
+    covered.order = arena.take<int32_t>(corners.size / 3);
     for (int k = 0; k < covered.rest.size; k++) {
         Face f = covered.corners[k];
         covered.rest[k] = weighted(covered.weights[k], skin_rest[f.a], skin_rest[f.b], skin_rest[f.c]);
+        covered.order[k] = k;
     }
+    sort_in_runs(covered.order, covered.rest);
 }
 
 void follow(const Rings &rings, Vec *cloth, const Vec *moves) {
@@ -122,10 +126,10 @@ void follow(const Rings &rings, Vec *cloth, const Vec *moves) {
 }
 
 void clear_skin(const Clearing &clearing, const ClearingMemory &memory, Vec *cloth, const Vec *body,
-                float clearance, float reach) {
+                float clearance, float reach, Arena &work) {
+    Scope scope(work);
     const Surface &surface = clearing.collider.surface;
     int vertices = clearing.rest.size;
-    Arena work;
     Array<float> near = work.take<float>(vertices), heights = work.take<float>(vertices);
     for (int k = 0; k < vertices; k++) {
         heights[k] = clearance + clearing.thickness[k];
@@ -135,7 +139,7 @@ void clear_skin(const Clearing &clearing, const ClearingMemory &memory, Vec *clo
     Passage passage = begin_passage(clearing.collider, memory.body, body, memory.cloth, memory.searched,
                                     *memory.frame, RENEWAL, work);
     Watch watch{nullptr, near.data, 0, 1, reach, reach};
-    found.size = find_near(clearing.collider, passage, 1, cloth, watch, found);
+    found.size = find_near(clearing.collider, passage, 1, cloth, watch, found, work);
     Array<Vec> normals = work.take<Vec>(surface.vertices);
     Array<int32_t> is_known = work.take<int32_t>(surface.vertices);
     for (Near each : found)

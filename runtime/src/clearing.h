@@ -2,26 +2,29 @@
 // skin that comes through their faces.
 #pragma once
 
+#include "box_tree.h"
 #include "collider.h"
 #include "layers.h"
 
 namespace uvc {
 
 // Points of the skin that the cloth covers at rest: corners and barycentrics on the body's faces, and their
-// places at rest, m.
+// places at rest, m. Eight points of the order after one another lie together.
 struct Covered {
     Array<Face> corners;
     Array<Vec> weights, rest;
+    Array<int32_t> order;
 };
 
-// Fine meshes of an outfit. thickness: (N) m of other cloth between a vertex and the body. cloth, skin: the
-// surfaces that rays meet. rest: (N) m. layers: garments over each other.
+// Fine meshes of an outfit. thickness: (N) m of other cloth between a vertex and the body. cloth, skin: trees
+// of the faces that rays meet. rest: (N) m. layers: garments over each other.
 struct Clearing {
     Collider collider;
     Rings rings;
     Array<float> thickness;
     Array<Vec> rest;
-    Surface cloth, skin;
+    int skin_vertices;
+    BoxTree cloth, skin;
     Covered covered;
     Layers layers;
     Arena arena;
@@ -52,10 +55,10 @@ void read_clearing(const Sections &sections, Clearing &clearing, Failure &failur
 // Moves vertices (N) m to at least `clearance`, m, off the body at points (C) m, in place; skin deeper than
 // reach is not found. Uses and renews the memory of the frame before.
 void clear_skin(const Clearing &clearing, const ClearingMemory &memory, Vec *cloth, const Vec *body,
-                float clearance, float reach);
+                float clearance, float reach, Arena &work);
 
 // Moves cloth (N) m over the skin (V) m that it covers at rest and that comes through it, in place.
-void cover_skin(const Clearing &clearing, Vec *cloth, const Vec *skin);
+void cover_skin(const Clearing &clearing, Vec *cloth, const Vec *skin, Arena &work);
 
 // Lets vertices that did not move follow the mean of their neighbours' moves (N) m, in place.
 void follow(const Rings &rings, Vec *cloth, const Vec *moves);

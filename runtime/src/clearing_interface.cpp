@@ -27,19 +27,22 @@ void uvc_begin_clearing(const uvc_clearing *clearing, void *memory) {
 
 void uvc_clear(const uvc_clearing *clearing, void *memory, float *cloth, const float *collider,
                float clearance, float reach) {
+    uvc::Arena work;
     uvc::ClearingMemory views = uvc::lay_out(clearing->data, memory);
     uvc::clear_skin(clearing->data, views, reinterpret_cast<uvc::Vec *>(cloth),
-                    reinterpret_cast<const uvc::Vec *>(collider), clearance, reach);
+                    reinterpret_cast<const uvc::Vec *>(collider), clearance, reach, work);
 }
 
 void uvc_cover(const uvc_clearing *clearing, float *cloth, const float *skin) {
+    uvc::Arena work;
     uvc::cover_skin(clearing->data, reinterpret_cast<uvc::Vec *>(cloth),
-                    reinterpret_cast<const uvc::Vec *>(skin));
+                    reinterpret_cast<const uvc::Vec *>(skin), work);
 }
 
 void uvc_lift(const uvc_clearing *clearing, float *cloth, float clearance, int turns) {
+    uvc::Arena work;
     uvc::lift(clearing->data.layers, clearing->data.rings, reinterpret_cast<uvc::Vec *>(cloth), clearance,
-              turns);
+              turns, work);
 }
 
 }  // extern "C"

@@ -23,14 +23,14 @@ constexpr float SPARE = 1.5f, ALERT_SPEED = 0.5f;
 constexpr float DEEPEST = 0.1f;
 
 // Vertices of each part, once each.
-void find_vertices(Collider &collider, Array<int32_t> starts, Arena &arena) {
+void find_vertices(Collider &collider, Arena &arena) {
     Arena work;
     Array<int32_t> seen = work.take<int32_t>(collider.surface.vertices);
     Array<int32_t> vertices = work.take<int32_t>(3 * collider.surface.faces.size);
     collider.vertex_starts = arena.take<int32_t>(collider.parts + 1);
     int count = 0;
     for (int part = 0; part < collider.parts; part++) {
-        for (int k = starts[part]; k < starts[part + 1]; k++)
+        for (int k = collider.starts[part]; k < collider.starts[part + 1]; k++)
             for (int corner = 0; corner < 3; corner++) {
                 int vertex = collider.surface.faces[k][corner];
                 if (seen[vertex] == part + 1) continue;
@@ -42,27 +42,49 @@ void find_vertices(Collider &collider, Array<int32_t> starts, Arena &arena) {
     collider.vertices = arena.copy(vertices.data, count);
 }
 
-PartWay part_way(const Collider &collider, int part, const Vec *start, const Vec *end) {
-    int first = collider.vertex_starts.at(part), last = collider.vertex_starts.at(part + 1);
-    Vec total{};
-    for (int k = first; k < last; k++) {
-        int vertex = collider.vertices.at(k);
-        total += end[vertex] - start[vertex];
-    }
-    PartWay way{(1.0f / (float)most(last - first, 1)) * total, 0};
-    float squared = 0;
-    for (int k = first; k < last; k++) {
-        int vertex = collider.vertices.at(k);
-        Vec apart = end[vertex] - start[vertex] - way.mean;
-        squared = most(squared, dot(apart, apart));
-    }
-    way.most = root(squared);
-    return way;
+Array<int32_t> vertices_of(const Collider &collider, int part) {
+    return collider.vertices.part(collider.vertex_starts.at(part), collider.vertex_starts.at(part + 1));
 }
 
-// Metres by which cloth and a part approach in a share of the frame at most.
-UVC_INLINE float approach(PartWay part, Vec way, float share) {
-    return length(way - share * part.mean) + share * part.most + ROUNDED;
+// Motion of a part; at rest if it does not move to an end.
+RigidMotion part_motion(const Collider &collider, int part, const Vec *start, const Vec *end) {
+    return fit_motion(end ? vertices_of(collider, part) : Array<int32_t>{}, start, end);
+}
+
+FittedParts make_fitted_parts(const Collider &collider, Arena &arena) {
+    FittedParts parts{nullptr, arena.take<FittedTree>(collider.parts), arena.take<int32_t>(collider.parts)};
+    for (int part = 0; part < collider.parts; part++)
+        parts.trees[part] = make_fitted_tree(collider.trees.at(part), arena);
+    return parts;
+}
+
+void move_to(FittedParts &parts, const Vec *points) {
+    parts.points = points;
+    for (int32_t &is_fitted : parts.is_fitted) is_fitted = 0;
+}
+
+// The closest face of a part within reach, m. `guess`, a face or -1, saves time and changes nothing.
+// `beyond`: where none is found, the square of a distance within which there is none.
+Closest closest_of_part(const Collider &collider, FittedParts &parts, int part, Vec point, float reach, int guess,
+                        float &beyond) {
+    const LaneTree &tree = collider.trees.at(part);
+    FittedTree &fitted = parts.trees.at(part);
+    if (!parts.is_fitted.at(part)) fit(tree, parts.points, fitted);
+    parts.is_fitted.at(part) = 1;
+    if (guess >= 0) {
+        // Rounded up, so that the guess itself is found in its turn.
+        Closest guessed = on_face(collider.surface, parts.points, guess, point);
+        reach = least(reach, root(dot(guessed.away, guessed.away) * 1.001f + 1e-9f));
+    }
+    int face = closest_face(tree, fitted, point, reach, beyond);
+    if (face < 0) return {-1, {}, {}};
+    return on_face(collider.surface, parts.points, collider.starts.at(part) + face, point);
+}
+
+// Metres by which cloth, from before to now, and a part approach each other at most.
+UVC_INLINE Lanes approach(const RigidMotion &part, LaneVec before, LaneVec now) {
+    LaneVec apart = now - part.take(before);
+    return root(dot(apart, apart)) + (part.most + ROUNDED);
 }
 
 // Distance of a point from a face, negative inside, and the speed, m/s, at which it moves past it.
@@ -77,6 +99,25 @@ UVC_INLINE float past(const Surface &surface, const Passage &passage, const Clos
     return outside ? distance : -distance;
 }
 
+// Vectors in blocks of eight; the last one fills up its block.
+void put_in_lanes(const Vec *vectors, int count, Array<LaneVec> blocks) {
+    for (int block = 0; block < blocks.size; block++) {
+        int32_t indices[LANES];
+        for (int lane = 0; lane < LANES; lane++) indices[lane] = least(LANES * block + lane, count - 1);
+        blocks.at(block) = gather(vectors, indices);
+    }
+}
+
+// Box around some points.
+void bound(Array<int32_t> indices, const Vec *points, Vec &low, Vec &high) {
+    low = high = points[indices.at(0)];
+    for (int index : indices) {
+        Vec p = points[index];
+        low = {least(low.x, p.x), least(low.y, p.y), least(low.z, p.z)};
+        high = {most(high.x, p.x), most(high.y, p.y), most(high.z, p.z)};
+    }
+}
+
 }  // namespace
 
 Collider read_collider(const Sections &sections, const char *touches, const char *crossed, Arena &arena,
@@ -85,19 +126,28 @@ Collider read_collider(const Sections &sections, const char *touches, const char
     Array<float> rest = read_floats(sections, "collider.rest", -1, 3, arena, failure);
     int vertices = rest.size / 3;
     Array<int32_t> corners = read_indices(sections, "collider.faces", -1, 3, 0, vertices, arena, failure);
-    Array<int32_t> starts = read_integers(sections, "collider.starts", -1, 1, arena, failure);
-    int faces = corners.size / 3;
-    starts = read_starts(sections, "collider.starts", most(starts.size - 1, 0), faces, arena, failure);
+    collider.starts = read_integers(sections, "collider.starts", -1, 1, arena, failure);
+    int faces = corners.size / 3, parts = most(collider.starts.size - 1, 0);
+    collider.starts = read_starts(sections, "collider.starts", parts, faces, arena, failure);
     collider.touches = read_integers(sections, touches, -1, 1, arena, failure);
     collider.crossed = crossed ? read_integers(sections, crossed, collider.touches.size, 1, arena, failure)
                                : arena.take<int32_t>(collider.touches.size);
     if (failure.failed) return {};
-    collider.parts = starts.size - 1;
-    if (collider.parts > 31) failure.say("the collider has %d parts, at most 31 are possible", collider.parts);
-    Array<Face> triangles{reinterpret_cast<Face *>(corners.data), faces};
-    collider.surface =
-        make_surface(reinterpret_cast<Vec *>(rest.data), vertices, triangles, starts, 4, arena);
-    find_vertices(collider, starts, arena);
+    collider.parts = parts;
+    if (parts > 31) failure.say("the collider has %d parts, at most 31 are possible", parts);
+    Vec *points = reinterpret_cast<Vec *>(rest.data);
+    collider.surface = make_surface(vertices, {reinterpret_cast<Face *>(corners.data), faces}, arena);
+    collider.trees = arena.take<LaneTree>(parts);
+    for (int part = 0; part < parts; part++) {
+        Array<Face> own = collider.surface.faces.part(collider.starts[part], collider.starts[part + 1]);
+        collider.trees[part] = make_lane_tree(points, own, arena);
+    }
+    find_vertices(collider, arena);
+    collider.touching = arena.take<uint8_t>(parts * collider.blocks());
+    for (int part = 0; part < parts; part++)
+        for (int k = 0; k < collider.touches.size; k++)
+            if (collider.touches[k] >> part & 1)
+                collider.touching[part * collider.blocks() + k / LANES] |= (uint8_t)(1 << k % LANES);
     return collider;
 }
 
@@ -107,17 +157,16 @@ Passage begin_passage(const Collider &collider, const Vec *start, const Vec *end
     Passage passage{};
     passage.start = start;
     passage.end = end;
-    passage.points = work.take<Vec>(collider.surface.vertices);
-    passage.cloth = work.copy(cloth, collider.touches.size);
-    passage.boxes = work.take<Box>(collider.surface.nodes.size);
-    passage.fitted = work.take<int32_t>(collider.parts);
-    passage.hints = work.take<int32_t>(rows);
+    passage.points = work.copy(start, collider.surface.vertices);
+    passage.points_before = work.room<Vec>(collider.surface.vertices);
+    passage.cloth = work.room<LaneVec>(collider.blocks());
+    passage.cloth_before = work.room<LaneVec>(collider.blocks());
+    put_in_lanes(cloth, collider.touches.size, passage.cloth);
+    passage.parts = make_fitted_parts(collider, work);
+    passage.hints = work.room<int32_t>(rows);
     for (int32_t &hint : passage.hints) hint = -1;
     passage.before = before;
     passage.at = work.take<float>(rows);
-    passage.ways = work.take<PartWay>(collider.parts);
-    for (int part = 0; part < collider.parts; part++)
-        passage.ways[part] = part_way(collider, part, start, end);
     passage.turn = turn;
     passage.renewal = renewal;
     return passage;
@@ -125,91 +174,114 @@ Passage begin_passage(const Collider &collider, const Vec *start, const Vec *end
 
 void end_passage(const Collider &collider, Passage &passage, const Vec *cloth) {
     int vertices = collider.touches.size;
-    float left = 1 - passage.share;
-    for (int part = 0; part < collider.parts; part++)
-        for (int k = 0; k < vertices; k++)
-            passage.before.clear[part * vertices + k] -=
-                approach(passage.ways.at(part), cloth[k] - passage.cloth.at(k), left);
+    swap(passage.cloth, passage.cloth_before);
+    put_in_lanes(cloth, vertices, passage.cloth);
+    for (int part = 0; part < collider.parts; part++) {
+        RigidMotion left = part_motion(collider, part, passage.points.data, passage.share < 1 ? passage.end : nullptr);
+        float *clear = passage.before.clear + part * vertices;
+        for (int block = 0; block < collider.blocks(); block++) {
+            unsigned touching = collider.touching.at(part * collider.blocks() + block);
+            if (!touching) continue;
+            Lanes closer = approach(left, passage.cloth_before.at(block), passage.cloth.at(block));
+            while (touching) {
+                int lane = take(touching);
+                clear[LANES * block + lane] -= closer[lane];
+            }
+        }
+    }
     memcpy(passage.before.faces, passage.hints.data, sizeof(int32_t) * (size_t)passage.hints.size);
 }
 
 int find_near(const Collider &collider, Passage &passage, float share, const Vec *cloth, const Watch &watch,
-              Array<Near> found) {
+              Array<Near> found, Arena &work) {
+    Scope scope(work);
     const Surface &surface = collider.surface;
-    const Vec *points = passage.points.data;
     int count = 0, vertices = collider.touches.size;
-    bool is_first = passage.searches == 0;
-    int search = ++passage.searches;
-    float since = share - passage.share, rate = 1 / watch.seconds;
+    bool is_first = passage.searches++ == 0;
+    float rate = 1 / watch.seconds;
+    swap(passage.points, passage.points_before);
     passage.share = share;
     for (int k = 0; k < surface.vertices; k++)
         passage.points.at(k) = between(passage.start[k], passage.end[k], share);
-    for (int vertex = 0; vertex < vertices; vertex++) {
-        Vec point = cloth[vertex], way = point - passage.cloth.at(vertex);
-        Vec velocity = watch.velocities ? watch.velocities[vertex] : Vec{};
-        float near = watch.near[vertex];
-        int touches = collider.touches.at(vertex);
-        for (int part = 0; part < collider.parts; part++) {
-            if (!(touches >> part & 1)) continue;
-            int row = part * vertices + vertex;
-            PartWay moves = passage.ways.at(part);
-            float clear = passage.before.clear[row] - approach(moves, way, since);
-            passage.before.clear[row] = clear;
-            float closing = length(watch.seconds * velocity - moves.mean) + moves.most;
-            float fastest = SPARE * closing + watch.seconds * ALERT_SPEED;
-            if (clear > least(watch.reach, near + watch.interval * fastest) + ROUNDED) continue;
-            int known = is_first ? passage.before.faces[row] : -1, guess = passage.hints.at(row);
-            if (is_first && (vertex + passage.turn) % passage.renewal > 0) guess = known;
-            Closest closest{-1, {}, {}};
-            float distance = 0, slip = 0;
-            bool is_followed = false;
-            if (guess >= 0) {
-                closest = walk(surface, points, guess, point, FOLLOWED);
-                distance = past(surface, passage, closest, velocity, rate, slip);
-                bool is_recent = !is_first && share - passage.at.at(row) < LONGEST * rate;
-                float limit =
-                    is_recent ? watch.reach : least(watch.reach, distance > 0 ? watch.followed : CLOSE);
-                is_followed = dot(closest.away, closest.away) < limit * limit;
-            }
-            passage.before.clear[row] = 0;
-            if (!is_followed) {
-                if (passage.fitted.at(part) != search) fit_boxes(surface, part, points, passage.boxes);
-                passage.fitted.at(part) = search;
-                float beyond = 0;
-                int best = closest.face >= 0 ? closest.face : known;
-                closest =
-                    closest_face(surface, part, points, passage.boxes, point, watch.reach, best, beyond);
-                passage.at.at(row) = share;
-                if (closest.face >= 0) distance = past(surface, passage, closest, velocity, rate, slip);
-                passage.before.clear[row] = closest.face >= 0 ? most(distance, 0.0f) : root(beyond);
-            }
-            passage.hints.at(row) = closest.face;
-            float touching = near + watch.interval * watch.seconds * (SPARE * slip + ALERT_SPEED);
-            if (closest.face >= 0 && distance <= touching) found.at(count++) = {vertex, closest.face};
+    const Vec *points = passage.points.data;
+    move_to(passage.parts, points);
+    auto look = [&](int part, int vertex) {
+        int row = part * vertices + vertex;
+        Vec point = cloth[vertex], velocity = watch.velocities ? watch.velocities[vertex] : Vec{};
+        int known = is_first ? passage.before.faces[row] : -1, guess = passage.hints.at(row);
+        if (is_first && (vertex + passage.turn) % passage.renewal > 0) guess = known;
+        Closest closest{-1, {}, {}};
+        float distance = 0, slip = 0;
+        bool is_followed = false;
+        if (guess >= 0) {
+            closest = walk(surface, points, guess, point, FOLLOWED);
+            distance = past(surface, passage, closest, velocity, rate, slip);
+            bool is_recent = !is_first && share - passage.at.at(row) < LONGEST * rate;
+            float limit = is_recent ? watch.reach : least(watch.reach, distance > 0 ? watch.followed : CLOSE);
+            is_followed = dot(closest.away, closest.away) < limit * limit;
         }
-        passage.cloth.at(vertex) = point;
+        passage.before.clear[row] = 0;
+        if (!is_followed) {
+            float beyond = 0;
+            int best = closest.face >= 0 ? closest.face : known;
+            closest = closest_of_part(collider, passage.parts, part, point, watch.reach, best, beyond);
+            passage.at.at(row) = share;
+            if (closest.face >= 0) distance = past(surface, passage, closest, velocity, rate, slip);
+            passage.before.clear[row] = closest.face >= 0 ? most(distance, 0.0f) : root(beyond);
+        }
+        passage.hints.at(row) = closest.face;
+        float touching = watch.near[vertex] + watch.interval * watch.seconds * (SPARE * slip + ALERT_SPEED);
+        if (closest.face >= 0 && distance <= touching) found.at(count++) = {vertex, closest.face};
+    };
+    swap(passage.cloth, passage.cloth_before);
+    put_in_lanes(cloth, vertices, passage.cloth);
+    Array<LaneVec> ends = passage.cloth;
+    if (watch.velocities) {
+        ends = work.room<LaneVec>(collider.blocks());
+        put_in_lanes(watch.velocities, vertices, ends);
+        for (int block = 0; block < ends.size; block++)
+            ends.at(block) = passage.cloth.at(block) + (Lanes{} + watch.seconds) * ends.at(block);
+    }
+    for (int part = 0; part < collider.parts; part++) {
+        RigidMotion since = part_motion(collider, part, passage.points_before.data, points);
+        RigidMotion way = part_motion(collider, part, passage.start, watch.interval > 0 ? passage.end : nullptr);
+        float *clear = passage.before.clear + part * vertices;
+        for (int block = 0; block < collider.blocks(); block++) {
+            unsigned touching = collider.touching.at(part * collider.blocks() + block);
+            if (!touching) continue;
+            Lanes closer = approach(since, passage.cloth_before.at(block), passage.cloth.at(block));
+            Lanes fastest = SPARE * approach(way, passage.cloth.at(block), ends.at(block)) +
+                            watch.seconds * ALERT_SPEED;
+            while (touching) {
+                int lane = take(touching), k = LANES * block + lane;
+                clear[k] -= closer[lane];
+                float limit = watch.near[k] + watch.interval * fastest[lane];
+                if (clear[k] <= least(watch.reach, limit) + ROUNDED) look(part, k);
+            }
+        }
     }
     return count;
 }
 
-bool find_caught(const Collider &collider, const Vec *body, const Vec *cloth, Array<Box> boxes,
+bool find_caught(const Collider &collider, const Vec *body, const Vec *cloth, FittedParts &parts,
                  int32_t *caught) {
-    const Surface &surface = collider.surface;
     bool any = false;
+    move_to(parts, body);
     for (int part = 0; part < collider.parts; part++) {
-        bool is_fitted = false;
+        Vec low{}, high{};
+        bool is_bounded = false;
         for (int vertex = 0; vertex < collider.crossed.size; vertex++) {
             if (!(collider.crossed.at(vertex) >> part & 1)) continue;
-            if (!is_fitted) fit_boxes(surface, part, body, boxes);
-            is_fitted = true;
-            Box box = boxes.at(surface.roots.at(part));
+            if (!is_bounded) bound(vertices_of(collider, part), body, low, high);
+            is_bounded = true;
             Vec point = cloth[vertex];
-            if (point.x < box.low.x || point.y < box.low.y || point.z < box.low.z || point.x > box.high.x ||
-                point.y > box.high.y || point.z > box.high.z)
+            if (point.x < low.x || point.y < low.y || point.z < low.z || point.x > high.x || point.y > high.y ||
+                point.z > high.z)
                 continue;
             float beyond = 0;
-            Closest closest = closest_face(surface, part, body, boxes, point, DEEPEST, -1, beyond);
-            if (closest.face < 0 || dot(closest.away, face_normal(surface, body, closest.face)) >= 0) continue;
+            Closest closest = closest_of_part(collider, parts, part, point, DEEPEST, -1, beyond);
+            if (closest.face < 0 || dot(closest.away, face_normal(collider.surface, body, closest.face)) >= 0)
+                continue;
             caught[vertex] |= 1 << part;
             any = true;
         }

@@ -1,17 +1,23 @@
 // The body as closed parts that cloth may touch, and the closest skin of vertices while it moves.
 #pragma once
 
+#include "lane_tree.h"
+#include "rigid_motion.h"
 #include "sections.h"
 #include "surface.h"
 
 namespace uvc {
 
-// vertices: of each part, from vertex_starts on. touches: for each vertex of the cloth, a bit for every part
-// that it may touch; crossed: for every part that it may be inside of without a touch.
+// starts: (K + 1) first face of each part, whose faces are in a tree. vertices: of each part, from vertex_starts
+// on. touches: for each vertex of the cloth, a bit for every part that it may touch; crossed: for every part that
+// it may be inside of without a touch.
 struct Collider {
     Surface surface;
     int parts;
-    Array<int32_t> vertices, vertex_starts, touches, crossed;
+    Array<LaneTree> trees;
+    Array<int32_t> starts, vertices, vertex_starts, touches, crossed;
+    Array<uint8_t> touching;
+    int blocks() const { return (touches.size + LANES - 1) / LANES; }
 };
 
 // Reads "collider.rest" (C, 3) m, "collider.faces" (F, 3), "collider.starts" (K + 1) the first face of each
@@ -26,27 +32,27 @@ struct Searched {
     float *clear;
 };
 
-// How a part moves in a frame: on average, and the most by which one of its vertices differs from that, m.
-struct PartWay {
-    Vec mean;
-    float most;
+// The trees of all parts at points, fitted when they are needed.
+struct FittedParts {
+    const Vec *points;
+    Array<FittedTree> trees;
+    Array<int32_t> is_fitted;
 };
 
 // The body on its way through a frame, from start to end (C) m, and the results of its searches.
 //
-// points, boxes: at the last search; fitted: number of the search in which each part's boxes were fitted.
-// hints: (K N) faces found by it, -1 for none. before: results of the last frame, of which `clear` is renewed.
-// at: (K N) share of the way at the last search of all faces. cloth: (N) m at the last search, at a share of
-// the way; searches: their number so far. turn: number of the frame. renewal: frames from one search of all
-// faces for a vertex to the next; in between it is followed over neighbouring ones.
+// points: at the last search, points_before: at the one before. hints: (K N) faces found by it, -1 for none.
+// before: results of the last frame, of which `clear` is renewed. at: (K N) share of the way at the last search of
+// all faces. cloth: (N / 8) m at the last search, at a share of the way; searches: their number so far. turn: number of the frame. renewal: frames from one search of all faces for a vertex to
+// the next; in between it is followed over neighbouring ones.
 struct Passage {
     const Vec *start, *end;
-    Array<Vec> points, cloth;
-    Array<Box> boxes;
-    Array<int32_t> fitted, hints;
+    Array<Vec> points, points_before;
+    Array<LaneVec> cloth, cloth_before;
+    FittedParts parts;
+    Array<int32_t> hints;
     Searched before;
     Array<float> at;
-    Array<PartWay> ways;
     float share;
     int searches, turn, renewal;
 };
@@ -76,13 +82,13 @@ struct Near {
 };
 
 // Finds the closest face of every part that a vertex touches, or may touch until the next search, with the
-// body at a share of its way. Returns how many were put into found (K N).
+// body at a share of its way. Returns how many were put into found (K N), by part.
 int find_near(const Collider &collider, Passage &passage, float share, const Vec *cloth, const Watch &watch,
-              Array<Near> found);
+              Array<Near> found, Arena &work);
 
-// Finds the parts that cloth (N) m is inside of, of those that it may cross: a bit for each in caught (N).
+// Finds the parts of a body (C) m that cloth (N) m is inside of, of those that it may cross: a bit for each in caught (N).
 // Returns whether there is any.
-bool find_caught(const Collider &collider, const Vec *body, const Vec *cloth, Array<Box> boxes,
+bool find_caught(const Collider &collider, const Vec *body, const Vec *cloth, FittedParts &parts,
                  int32_t *caught);
 
 }  // namespace uvc

@@ -1,5 +1,7 @@
 #include "elastic.h"
 
+#include "lanes.h"
+
 namespace uvc {
 
 namespace {
@@ -10,16 +12,8 @@ constexpr float TILT = 1e-7f;
 // Square of the stretch below which compressive strain does not grow further.
 constexpr float FLATTENED = 1e-2f;
 
-typedef Vector<Lanes> Vecs;
-
-UVC_INLINE Lanes load(const float *numbers) {
-    Lanes lanes;
-    __builtin_memcpy(&lanes, numbers, sizeof(lanes));
-    return lanes;
-}
-
 // Positions and velocities of LANES vertices, from rows to lanes: a transposition in registers.
-UVC_INLINE void gather(const Row *rows, const int32_t *vertices, Vecs &x, Vecs &v) {
+UVC_INLINE void gather(const Row *rows, const int32_t *vertices, LaneVec &x, LaneVec &v) {
     Lanes r[LANES], pairs[LANES], quads[LANES];
     for (int k = 0; k < LANES; k++) r[k] = load(rows[vertices[k]].numbers);
     for (int k = 0; k < LANES; k += 2) {
@@ -41,7 +35,7 @@ UVC_INLINE void gather(const Row *rows, const int32_t *vertices, Vecs &x, Vecs &
 }
 
 // Adds forces in lanes to the rows of their vertices, one vertex after another: two may be the same.
-UVC_INLINE void scatter(Vecs f, const int32_t *vertices, Force *forces) {
+UVC_INLINE void scatter(LaneVec f, const int32_t *vertices, Force *forces) {
     Lanes none{};
     Lanes xy_low = __builtin_shufflevector(f.x, f.y, 0, 8, 1, 9, 4, 12, 5, 13);
     Lanes xy_high = __builtin_shufflevector(f.x, f.y, 2, 10, 3, 11, 6, 14, 7, 15);
@@ -77,7 +71,7 @@ UVC_INLINE void reduce(float reduction, Lanes strain, Lanes &reduced, Lanes &slo
 }
 
 UVC_INLINE void add_block(const Membrane &m, int k, const Row *rows, Vec wind, Force *forces) {
-    Vecs xa, xb, xc, va, vb, vc;
+    LaneVec xa, xb, xc, va, vb, vc;
     gather(rows, m.corners[0].data + k, xa, va);
     gather(rows, m.corners[1].data + k, xb, vb);
     gather(rows, m.corners[2].data + k, xc, vc);
@@ -85,9 +79,9 @@ UVC_INLINE void add_block(const Membrane &m, int k, const Row *rows, Vec wind, F
     Lanes d10 = load(m.inverse[2].data + k), d11 = load(m.inverse[3].data + k);
     Lanes area = load(m.area.data + k), shear = load(m.shear.data + k);
     Lanes damping = load(m.damping.data + k);
-    Vecs p = xb - xa, q = xc - xa, p_rate = vb - va, q_rate = vc - va;
-    Vecs f = d00 * p + d10 * q, g = d01 * p + d11 * q;
-    Vecs f_rate = d00 * p_rate + d10 * q_rate, g_rate = d01 * p_rate + d11 * q_rate;
+    LaneVec p = xb - xa, q = xc - xa, p_rate = vb - va, q_rate = vc - va;
+    LaneVec f = d00 * p + d10 * q, g = d01 * p + d11 * q;
+    LaneVec f_rate = d00 * p_rate + d10 * q_rate, g_rate = d01 * p_rate + d11 * q_rate;
     Lanes c00 = dot(f, f), c11 = dot(g, g), c01 = dot(f, g);
     Lanes mean = 0.5f * (c00 + c11), half = 0.5f * (c00 - c11);
     Lanes apart = root(half * half + c01 * c01) + TILT;
@@ -104,33 +98,33 @@ UVC_INLINE void add_block(const Membrane &m, int k, const Row *rows, Vec wind, F
     Lanes s00 = middle + turned * half + damping * dot(f, f_rate);
     Lanes s11 = middle - turned * half + damping * dot(g, g_rate);
     Lanes s01 = turned * c01 + 0.5f * damping * (dot(f, g_rate) + dot(g, f_rate));
-    Vecs first = s00 * f + s01 * g, second = s01 * f + s11 * g;
-    Vecs force_b = (-area * d00) * first + (-area * d01) * second;
-    Vecs force_c = (-area * d10) * first + (-area * d11) * second;
+    LaneVec first = s00 * f + s01 * g, second = s01 * f + s11 * g;
+    LaneVec force_b = (-area * d00) * first + (-area * d01) * second;
+    LaneVec force_c = (-area * d10) * first + (-area * d11) * second;
     // Drag of still air by the square of the speed along the normal.
-    Vecs normal = cross(f, g), speeds = va + (1.0f / 3.0f + Lanes{}) * (p_rate + q_rate);
+    LaneVec normal = cross(f, g), speeds = va + (1.0f / 3.0f + Lanes{}) * (p_rate + q_rate);
     speeds = {speeds.x + wind.x, speeds.y + wind.y, speeds.z + wind.z};
     Lanes speed = dot(speeds, normal) / root(dot(normal, normal) + TINY);
-    Vecs drag = ((-1.0f / 3.0f) * load(m.pressure.data + k) * area * speed * absolute(speed)) * normal;
+    LaneVec drag = ((-1.0f / 3.0f) * load(m.pressure.data + k) * area * speed * absolute(speed)) * normal;
     scatter(drag - force_b - force_c, m.corners[0].data + k, forces);
     scatter(drag + force_b, m.corners[1].data + k, forces);
     scatter(drag + force_c, m.corners[2].data + k, forces);
 }
 
 UVC_INLINE void add_block(const Hinges &h, int k, const Row *rows, float factor, Force *forces) {
-    Vecs x0, x1, xa, xb, v0, v1, va, vb;
+    LaneVec x0, x1, xa, xb, v0, v1, va, vb;
     gather(rows, h.corners[0].data + k, x0, v0);
     gather(rows, h.corners[1].data + k, x1, v1);
     gather(rows, h.corners[2].data + k, xa, va);
     gather(rows, h.corners[3].data + k, xb, vb);
-    Vecs along = xb - xa, n0 = cross(xa - x0, xb - x0), n1 = cross(xb - x1, xa - x1);
+    LaneVec along = xb - xa, n0 = cross(xa - x0, xb - x0), n1 = cross(xb - x1, xa - x1);
     Lanes squared = dot(along, along) + TINY, shorter = 1.0f / root(squared), size = squared * shorter;
     Lanes theta = angle(dot(cross(n0, n1), along) * shorter, dot(n0, n1));
     Lanes s0 = dot(n0, n0), s1 = dot(n1, n1);
-    Vecs o0 = (1.0f / (s0 + TINY)) * n0, o1 = (1.0f / (s1 + TINY)) * n1;
-    Vecs g0 = -size * o0, g1 = -size * o1;
-    Vecs ga = (dot(xb - x0, along) * shorter) * o0 + (dot(xb - x1, along) * shorter) * o1;
-    Vecs gb = (-dot(xa - x0, along) * shorter) * o0 + (-dot(xa - x1, along) * shorter) * o1;
+    LaneVec o0 = (1.0f / (s0 + TINY)) * n0, o1 = (1.0f / (s1 + TINY)) * n1;
+    LaneVec g0 = -size * o0, g1 = -size * o1;
+    LaneVec ga = (dot(xb - x0, along) * shorter) * o0 + (dot(xb - x1, along) * shorter) * o1;
+    LaneVec gb = (-dot(xa - x0, along) * shorter) * o0 + (-dot(xa - x1, along) * shorter) * o1;
     Lanes rate = dot(g0, v0) + dot(g1, v1) + dot(ga, va) + dot(gb, vb);
     // All four forces fade together, or they would turn the cloth as a whole.
     Lanes fade = least(s0 / (load(h.floors[0].data + k) + TINY), s1 / (load(h.floors[1].data + k) + TINY));

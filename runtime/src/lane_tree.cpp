@@ -6,35 +6,8 @@ namespace {
 
 constexpr int DEPTH = 64;
 
-// Metres: no box is there.
+// Metres, and square metres: nothing is there.
 constexpr float FAR = 1e9f;
-
-// Orders faces so that every run of eight, and of eight such runs, lies together. The runs of the longest kind
-// are halved at a middle one, along the widest axis.
-void arrange(Array<int32_t> order, Array<Vec> centres) {
-    if (order.size <= LANES) return;
-    int run = LANES;
-    while (run * LANES < order.size) run *= LANES;
-    Vec low = centres[order[0]], high = low;
-    for (int face : order) {
-        Vec c = centres[face];
-        low = {least(low.x, c.x), least(low.y, c.y), least(low.z, c.z)};
-        high = {most(high.x, c.x), most(high.y, c.y), most(high.z, c.z)};
-    }
-    Vec size = high - low;
-    int along = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-    sort(order, [&](int a, int b) { return axis(centres[a], along) < axis(centres[b], along); });
-    int runs = (order.size + run - 1) / run, middle = (runs + 1) / 2 * run;
-    arrange(order.part(0, middle), centres);
-    arrange(order.part(middle, order.size), centres);
-}
-
-UVC_INLINE LaneVec spread(Vec a) { return {Lanes{} + a.x, Lanes{} + a.y, Lanes{} + a.z}; }
-UVC_INLINE void put(LaneVec &lanes, int lane, Vec a) {
-    lanes.x[lane] = a.x;
-    lanes.y[lane] = a.y;
-    lanes.z[lane] = a.z;
-}
 
 // Squares of the distances of a point from eight boxes.
 UVC_INLINE Lanes outside(const LaneBox &box, LaneVec point) {
@@ -70,44 +43,21 @@ UVC_INLINE Lanes outside(const Block &block, LaneVec point) {
     return choose(squares >= 0.0f, squares, none + FAR);
 }
 
-// Extremes of eight numbers.
-UVC_INLINE float lowest(Lanes a) {
-    a = least(a, __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3));
-    a = least(a, __builtin_shufflevector(a, a, 2, 3, 0, 1, 6, 7, 4, 5));
-    return least(a[0], a[1]);
-}
-UVC_INLINE float highest(Lanes a) { return -lowest(-a); }
-UVC_INLINE Vec lowest(LaneVec a) { return {lowest(a.x), lowest(a.y), lowest(a.z)}; }
-UVC_INLINE Vec highest(LaneVec a) { return {highest(a.x), highest(a.y), highest(a.z)}; }
-
-// A bit for each lane.
-UVC_INLINE unsigned bits(LaneMask mask) {
-    mask &= LaneMask{1, 2, 4, 8, 16, 32, 64, 128};
-    uint64_t pairs[4];
-    __builtin_memcpy(pairs, &mask, sizeof(pairs));
-    uint64_t all = pairs[0] | pairs[1] | pairs[2] | pairs[3];
-    return (unsigned)(all | all >> 32) & 255u;
-}
-
-// Takes the lowest of bits.
-UVC_INLINE int take(unsigned &bits) {
-    int lane = __builtin_ctz(bits);
-    bits &= bits - 1;
-    return lane;
-}
-
 // The best face so far, and the square of its distance; `limit` is that of a box in which none is better,
-// with more than rounding to spare, so that the order in which boxes are visited changes nothing.
+// with more than rounding to spare, so that the order in which boxes are visited changes nothing. beyond: the least
+// square of a distance from what was looked at, or left out, in each lane.
 struct Best {
     int face;
     float squared, limit;
+    Lanes beyond;
 
-    Best(float reach) : face(-1), squared(reach * reach) { limit = spared(); }
+    explicit Best(float reach) : face(-1), squared(reach * reach), beyond(Lanes{} + FAR) { limit = spared(); }
 
     float spared() const { return 1.001f * squared + 1e-9f; }
 
-    void look(const LaneTree &tree, const Lying &lying, int block, LaneVec point) {
-        Lanes squares = outside(lying.blocks.at(block), point);
+    void look(const LaneTree &tree, const FittedTree &fitted, int block, LaneVec point) {
+        Lanes squares = outside(fitted.blocks.at(block), point);
+        beyond = least(beyond, squares);
         float low = lowest(squares);
         if (!(low <= squared)) return;
         if (low < squared) face = tree.faces.size;
@@ -119,12 +69,86 @@ struct Best {
 };
 
 // Sets a child's box among those of its node.
-void put(LaneBox &boxes, int lane, Vec low, Vec high) {
+UVC_INLINE void put(LaneBox &boxes, int lane, Vec low, Vec high) {
     put(boxes.low, lane, low);
     put(boxes.high, lane, high);
 }
 
+// Fits the blocks of a patch, and its boxes.
+void fit_patch(const LaneTree &tree, int patch, FittedTree &fitted) {
+    fitted.is_fitted.at(patch) = 1;
+    Children children = tree.nodes.at(patch);
+    float sides[6][LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        for (int side = 0; side < 6; side++) sides[side][lane] = side < 3 ? FAR : -FAR;
+    for (int k = children.first; k < children.last; k++) {
+        int32_t indices[3][LANES];
+        for (int lane = 0; lane < LANES; lane++) {
+            Face f = tree.faces.at(tree.order.at(LANES * k + lane));
+            indices[0][lane] = f.a;
+            indices[1][lane] = f.b;
+            indices[2][lane] = f.c;
+        }
+        LaneVec a = gather(fitted.points, indices[0]), b = gather(fitted.points, indices[1]),
+                c = gather(fitted.points, indices[2]);
+        fitted.blocks.at(k) = {a, b - a, c - a};
+        int lane = k - children.first;
+        sides[0][lane] = lowest(least(least(a.x, b.x), c.x));
+        sides[1][lane] = lowest(least(least(a.y, b.y), c.y));
+        sides[2][lane] = lowest(least(least(a.z, b.z), c.z));
+        sides[3][lane] = highest(most(most(a.x, b.x), c.x));
+        sides[4][lane] = highest(most(most(a.y, b.y), c.y));
+        sides[5][lane] = highest(most(most(a.z, b.z), c.z));
+    }
+    fitted.boxes.at(patch) = {{load(sides[0]), load(sides[1]), load(sides[2])},
+                              {load(sides[3]), load(sides[4]), load(sides[5])}};
+}
+
+// Finds the vertices of each patch.
+void find_vertices(LaneTree &tree, int vertices, Arena &arena) {
+    Arena work;
+    Array<int32_t> seen = work.take<int32_t>(vertices);
+    Array<int32_t> found = work.room<int32_t>(3 * LANES * tree.blocks);
+    tree.vertex_starts = arena.take<int32_t>(tree.patches + 1);
+    int count = 0;
+    for (int patch = 0; patch < tree.patches; patch++) {
+        Children children = tree.nodes[patch];
+        for (int k = LANES * children.first; k < LANES * children.last; k++)
+            for (int corner = 0; corner < 3; corner++) {
+                int vertex = tree.faces[tree.order[k]][corner];
+                if (seen[vertex] == patch + 1) continue;
+                seen[vertex] = patch + 1;
+                found[count++] = vertex;
+            }
+        tree.vertex_starts[patch + 1] = count;
+    }
+    tree.vertices = arena.copy(found.data, count);
+}
+
 }  // namespace
+
+void sort_along_widest(Array<int32_t> order, Array<Vec> points) {
+    Vec low = points[order[0]], high = low;
+    for (int index : order) {
+        Vec p = points[index];
+        low = {least(low.x, p.x), least(low.y, p.y), least(low.z, p.z)};
+        high = {most(high.x, p.x), most(high.y, p.y), most(high.z, p.z)};
+    }
+    Vec size = high - low;
+    int along = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    sort(order, [&](int a, int b) { return axis(points[a], along) < axis(points[b], along); });
+}
+
+void sort_in_runs(Array<int32_t> order, Array<Vec> points) {
+    if (order.size <= LANES) return;
+    int run = LANES;
+    while (run * LANES < order.size) run *= LANES;
+    sort_along_widest(order, points);
+    // The runs of the longest kind are halved at a middle one.
+    int runs = (order.size + run - 1) / run, middle = (runs + 1) / 2 * run;
+    sort_in_runs(order.part(0, middle), points);
+    sort_in_runs(order.part(middle, order.size), points);
+}
 
 LaneTree make_lane_tree(const Vec *rest, Array<Face> faces, Arena &arena) {
     LaneTree tree{};
@@ -134,11 +158,13 @@ LaneTree make_lane_tree(const Vec *rest, Array<Face> faces, Arena &arena) {
     Arena work;
     Array<Vec> centres = work.take<Vec>(faces.size);
     tree.order = arena.take<int32_t>(LANES * tree.blocks);
+    int vertices = 0;
     for (int k = 0; k < faces.size; k++) {
         centres[k] = rest[faces[k].a] + rest[faces[k].b] + rest[faces[k].c];
         tree.order[k] = k;
+        for (int corner = 0; corner < 3; corner++) vertices = most(vertices, faces[k][corner] + 1);
     }
-    arrange(tree.order.part(0, faces.size), centres);
+    sort_in_runs(tree.order.part(0, faces.size), centres);
     for (int k = faces.size; k < tree.order.size; k++) tree.order[k] = tree.order[faces.size - 1];
     // A seventh of the blocks, and up to one more on each level.
     Array<Children> nodes = work.take<Children>(tree.blocks / (LANES - 1) + DEPTH);
@@ -147,54 +173,51 @@ LaneTree make_lane_tree(const Vec *rest, Array<Face> faces, Arena &arena) {
         int before = count;
         for (int child = first; child < last; child += LANES)
             nodes[count++] = {child, least(child + LANES, last)};
-        if (!tree.over_blocks) tree.over_blocks = count;
+        if (!tree.patches) tree.patches = count;
         first = before;
         last = count;
     } while (last - first > 1);
     tree.nodes = arena.copy(nodes.data, count);
+    find_vertices(tree, vertices, arena);
     return tree;
 }
 
-Lying make_lying(const LaneTree &tree, Arena &arena) {
-    Lying lying{arena.take<Block>(tree.blocks), arena.take<LaneBox>(tree.nodes.size)};
-    LaneBox none{spread({FAR, FAR, FAR}), spread({-FAR, -FAR, -FAR})};
-    for (LaneBox &boxes : lying.boxes) boxes = none;
-    return lying;
+FittedTree make_fitted_tree(const LaneTree &tree, Arena &arena) {
+    FittedTree fitted{nullptr, arena.room<Block>(tree.blocks), arena.room<LaneBox>(tree.nodes.size),
+                      arena.room<uint8_t>(tree.patches)};
+    LaneBox none{repeat({FAR, FAR, FAR}), repeat({-FAR, -FAR, -FAR})};
+    for (LaneBox &boxes : fitted.boxes) boxes = none;
+    return fitted;
 }
 
-void fit(const LaneTree &tree, const Vec *points, Lying &lying) {
-    for (int k = 0; k < tree.blocks; k++) {
-        // Lanes are written as numbers in memory: putting them in one by one is slow.
-        float numbers[9][LANES];
-        for (int lane = 0; lane < LANES; lane++) {
-            Face f = tree.faces.at(tree.order.at(LANES * k + lane));
-            Vec a = points[f.a], b = points[f.b], c = points[f.c];
-            const float row[] = {a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z};
-            for (int number = 0; number < 9; number++) numbers[number][lane] = row[number];
-        }
-        LaneVec corners[3];
-        memcpy(corners, numbers, sizeof(numbers));
-        LaneVec a = corners[0], b = corners[1], c = corners[2];
-        lying.blocks.at(k) = {a, b - a, c - a};
-        put(lying.boxes.at(k / LANES), k % LANES,
-            {lowest(least(least(a.x, b.x), c.x)), lowest(least(least(a.y, b.y), c.y)),
-             lowest(least(least(a.z, b.z), c.z))},
-            {highest(most(most(a.x, b.x), c.x)), highest(most(most(a.y, b.y), c.y)),
-             highest(most(most(a.z, b.z), c.z))});
-    }
-    for (int node = tree.over_blocks; node < tree.nodes.size; node++) {
+void fit(const LaneTree &tree, const Vec *points, FittedTree &fitted) {
+    fitted.points = points;
+    for (uint8_t &is_fitted : fitted.is_fitted) is_fitted = 0;
+    for (int node = tree.patches; node < tree.nodes.size; node++) {
         Children children = tree.nodes.at(node);
         for (int child = children.first; child < children.last; child++) {
-            LaneBox boxes = lying.boxes.at(child);
-            put(lying.boxes.at(node), child - children.first, lowest(boxes.low), highest(boxes.high));
+            int lane = child - children.first;
+            if (child >= tree.patches) {
+                LaneBox boxes = fitted.boxes.at(child);
+                put(fitted.boxes.at(node), lane, lowest(boxes.low), highest(boxes.high));
+                continue;
+            }
+            Vec low = points[tree.vertices.at(tree.vertex_starts.at(child))], high = low;
+            for (int k = tree.vertex_starts.at(child); k < tree.vertex_starts.at(child + 1); k++) {
+                Vec point = points[tree.vertices.at(k)];
+                low = {least(low.x, point.x), least(low.y, point.y), least(low.z, point.z)};
+                high = {most(high.x, point.x), most(high.y, point.y), most(high.z, point.z)};
+            }
+            put(fitted.boxes.at(node), lane, low, high);
         }
     }
 }
 
-int closest_face(const LaneTree &tree, const Lying &lying, Vec point, float reach) {
+int closest_face(const LaneTree &tree, FittedTree &fitted, Vec point, float reach, float &beyond) {
     Best best(reach);
+    beyond = FAR;
     if (!tree.faces.size) return -1;
-    LaneVec from = spread(point);
+    LaneVec from = repeat(point);
     int stack[DEPTH];
     float distances[DEPTH];
     int top = 1;
@@ -203,17 +226,20 @@ int closest_face(const LaneTree &tree, const Lying &lying, Vec point, float reac
     while (top > 0) {
         if (distances[--top] > best.limit) continue;
         int node = stack[top], first = tree.nodes.at(node).first;
-        Lanes squares = outside(lying.boxes.at(node), from);
-        unsigned lanes = bits(squares <= best.limit);
+        if (node < tree.patches && !fitted.is_fitted.at(node)) fit_patch(tree, node, fitted);
+        Lanes squares = outside(fitted.boxes.at(node), from);
+        LaneMask is_near = squares <= best.limit;
+        best.beyond = least(best.beyond, choose(is_near, Lanes{} + FAR, squares));
+        unsigned lanes = bits(is_near);
         if (!lanes) continue;
         // The nearest child is the next one: what is found in it rules most of the others out.
         unsigned nearest = bits(squares == lowest(squares));
         lanes &= ~nearest;
-        if (node < tree.over_blocks) {
-            while (nearest) best.look(tree, lying, first + take(nearest), from);
+        if (node < tree.patches) {
+            while (nearest) best.look(tree, fitted, first + take(nearest), from);
             for (lanes &= bits(squares <= best.limit); lanes;) {
                 int lane = take(lanes);
-                if (squares[lane] <= best.limit) best.look(tree, lying, first + lane, from);
+                if (squares[lane] <= best.limit) best.look(tree, fitted, first + lane, from);
             }
         } else {
             unsigned both[] = {lanes, nearest};
@@ -225,6 +251,7 @@ int closest_face(const LaneTree &tree, const Lying &lying, Vec point, float reac
                 }
         }
     }
+    beyond = lowest(best.beyond);
     return best.face;
 }
 

@@ -28,15 +28,15 @@ Array<int32_t> first_faces(Array<int32_t> starts, Array<Face> faces, Arena &aren
 // An inner garment where it lies now, and its normals at vertices (N), of unit length.
 struct Inner {
     bool is_fitted;
-    Lying lying;
+    FittedTree tree;
 };
 
 void fit_inner(const Layers &layers, int garment, const Vec *cloth, Inner &inner, Vec *normals,
                Arena &work) {
     if (inner.is_fitted) return;
     const LaneTree &tree = layers.trees[garment];
-    inner = {true, make_lying(tree, work)};
-    fit(tree, cloth, inner.lying);
+    inner = {true, make_fitted_tree(tree, work)};
+    fit(tree, cloth, inner.tree);
     for (Face f : tree.faces) {
         Vec normal = cross(cloth[f.b] - cloth[f.a], cloth[f.c] - cloth[f.a]);
         for (int corner = 0; corner < 3; corner++) normals[f[corner]] += normal;
@@ -55,7 +55,7 @@ Vec move_off(Face f, const Vec *cloth, const Vec *normals, Vec point, float clea
 }
 
 // Moves the outer garment of a pair off the inner one, and adds its moves (N), where these are asked for.
-void lift_off(const Layers &layers, int pair, const Lying &lying, const Vec *normals, Vec *cloth, Vec *moves,
+void lift_off(const Layers &layers, int pair, FittedTree &fitted, const Vec *normals, Vec *cloth, Vec *moves,
               float clearance) {
     int outer = layers.outer[pair], inner = layers.inner[pair];
     const LaneTree &tree = layers.trees[inner];
@@ -63,7 +63,8 @@ void lift_off(const Layers &layers, int pair, const Lying &lying, const Vec *nor
     for (int vertex = layers.starts[outer]; vertex < layers.starts[outer + 1]; vertex++) {
         int touches = layers.touches.at(vertex);
         if (!(touches & layers.all_parts.at(inner))) continue;
-        int face = closest_face(tree, lying, cloth[vertex], REACH);
+        float beyond = 0;
+        int face = closest_face(tree, fitted, cloth[vertex], REACH, beyond);
         if (face < 0 || !(touches & parts[face])) continue;
         Vec move = move_off(tree.faces.at(face), cloth, normals, cloth[vertex], clearance);
         cloth[vertex] += move;
@@ -105,8 +106,8 @@ Layers read_layers(const Sections &sections, Array<Vec> rest, Array<Face> faces,
     return layers;
 }
 
-void lift(const Layers &layers, const Rings &rings, Vec *cloth, float clearance, int turns) {
-    Arena work;
+void lift(const Layers &layers, const Rings &rings, Vec *cloth, float clearance, int turns, Arena &work) {
+    Scope scope(work);
     int garments = layers.starts.size - 1, vertices = layers.touches.size;
     if (!layers.outer.size) return;
     Array<Inner> inner = work.take<Inner>(garments);
@@ -125,7 +126,7 @@ void lift(const Layers &layers, const Rings &rings, Vec *cloth, float clearance,
         for (int turn = 0; turn < turns; turn++) {
             for (Vec &move : moves) move = {};
             for (int pair = first; pair < last; pair++)
-                lift_off(layers, pair, inner[layers.inner[pair]].lying, normals.data, cloth, moves.data,
+                lift_off(layers, pair, inner[layers.inner[pair]].tree, normals.data, cloth, moves.data,
                          clearance);
             if (turn < turns - 1) follow(rings, cloth, moves.data);
         }

@@ -24,6 +24,6 @@ Layers read_layers(const Sections &sections, Array<Vec> rest, Array<Face> faces,
 
 // Moves vertices (N) m to `clearance`, m, off each garment beneath them that covers them, one outer garment
 // after another, in place. turns: times that each is moved; after all but the last one neighbours follow.
-void lift(const Layers &layers, const Rings &rings, Vec *cloth, float clearance, int turns);
+void lift(const Layers &layers, const Rings &rings, Vec *cloth, float clearance, int turns, Arena &work);
 
 }  // namespace uvc

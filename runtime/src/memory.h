@@ -4,6 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#if defined(__SANITIZE_ADDRESS__)
+#include <sanitizer/asan_interface.h>
+#endif
+
 #include "vector.h"
 
 // Makes an object in memory that is there already; its header belongs to the C++ standard library.
@@ -23,26 +27,39 @@ template <class T> struct Array {
     Array part(int first, int last) const { return {data + first, last - first}; }
 };
 
-// Memory that is taken piece by piece and given back at once. Pieces are zeroed and aligned to 64 bytes.
+template <class T> UVC_INLINE void swap(Array<T> &a, Array<T> &b) {
+    Array<T> other = a;
+    a = b;
+    b = other;
+}
+
+// Memory that is taken piece by piece and given back at once. Pieces are aligned to 64 bytes.
 class Arena {
   public:
     Arena() = default;
     Arena(const Arena &) = delete;
     ~Arena() {
-        while (last_) {
-            Block *before = last_->before;
-            free(last_);
-            last_ = before;
+        while (first_) {
+            Block *next = first_->next;
+            free(first_);
+            first_ = next;
         }
     }
 
     // Takes an array of `count` zeroed items. Where the system has no memory left the process ends.
     template <class T> Array<T> take(int count) {
-        return {static_cast<T *>(bytes(sizeof(T) * (size_t)(count > 0 ? count : 0))), count > 0 ? count : 0};
+        Array<T> array = room<T>(count);
+        memset(static_cast<void *>(array.data), 0, sizeof(T) * (size_t)array.size);
+        return array;
+    }
+
+    // Takes an array of `count` items that are not zeroed.
+    template <class T> Array<T> room(int count) {
+        return {static_cast<T *>(piece(sizeof(T) * (size_t)(count > 0 ? count : 0))), count > 0 ? count : 0};
     }
 
     template <class T> Array<T> copy(const T *data, int count) {
-        Array<T> array = take<T>(count);
+        Array<T> array = room<T>(count);
         if (count > 0) memcpy(array.data, data, sizeof(T) * (size_t)count);
         return array;
     }
@@ -50,20 +67,64 @@ class Arena {
     template <class T> Array<T> copy(Array<T> array) { return copy(array.data, array.size); }
 
   private:
-    struct Block {
-        Block *before;
-    };
+    friend class Scope;
 
-    void *bytes(size_t size) {
-        char *raw = static_cast<char *>(calloc(1, size + 128));
-        if (!raw) __builtin_trap();
-        Block *block = reinterpret_cast<Block *>(raw);
-        block->before = last_;
-        last_ = block;
-        return reinterpret_cast<void *>(((uintptr_t)raw + sizeof(Block) + 63) & ~(uintptr_t)63);
+    // A piece of the system's memory: `size` bytes follow it, from a multiple of ALIGNED on.
+    struct Block {
+        Block *next;
+        size_t size;
+        char *start() { return (char *)(((uintptr_t)(this + 1) + ALIGNED - 1) & ~(uintptr_t)(ALIGNED - 1)); }
+    };
+    static constexpr size_t ALIGNED = 64, LEAST = 1 << 16;
+#if defined(__SANITIZE_ADDRESS__)
+    // Between pieces, so that access beyond one is seen.
+    static constexpr size_t GAP = 64;
+#else
+    static constexpr size_t GAP = 0;
+#endif
+
+    void *piece(size_t asked) {
+        size_t size = (asked + GAP + ALIGNED - 1) & ~(ALIGNED - 1);
+        while (!block_ || block_->size - used_ < size) {
+            Block *&next = block_ ? block_->next : first_;
+            if (!next) next = new_block(size > LEAST ? size : LEAST);
+            block_ = next;
+            used_ = 0;
+        }
+        char *start = block_->start() + used_;
+        used_ += size;
+#if defined(__SANITIZE_ADDRESS__)
+        __asan_unpoison_memory_region(start, asked);
+        __asan_poison_memory_region(start + asked, size - asked);
+#endif
+        return start;
     }
 
-    Block *last_ = nullptr;
+    static Block *new_block(size_t size) {
+        Block *block = static_cast<Block *>(malloc(sizeof(Block) + size + ALIGNED));
+        if (!block) __builtin_trap();
+        *block = {nullptr, size};
+        return block;
+    }
+
+    Block *first_ = nullptr, *block_ = nullptr;
+    size_t used_ = 0;
+};
+
+// Gives back what is taken from an arena in its lifetime; the arena keeps the memory for what is taken next.
+class Scope {
+  public:
+    explicit Scope(Arena &arena) : arena_(arena), block_(arena.block_), used_(arena.used_) {}
+    Scope(const Scope &) = delete;
+    ~Scope() {
+        arena_.block_ = block_;
+        arena_.used_ = used_;
+    }
+
+  private:
+    Arena &arena_;
+    Arena::Block *block_;
+    size_t used_;
 };
 
 // Makes an object of its own, and gives it back. Where the system has no memory left the process ends.

@@ -32,7 +32,7 @@ void check_sizes(const Outfit &outfit, Failure &failure) {
         failure.say("the outfit's points are not as many as those that are cleared");
     if (o.used.size != o.solver.collider.surface.vertices || o.used.size != o.clearing.collider.surface.vertices)
         failure.say("the outfit's collider has not as many vertices as are used");
-    if (o.clearing.skin.vertices != o.body.vertices())
+    if (o.clearing.skin_vertices != o.body.vertices())
         failure.say("the skin that the outfit covers has not as many vertices as its body");
 }
 

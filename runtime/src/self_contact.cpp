@@ -34,13 +34,13 @@ bool first_is_halved(Node a, Node b) {
 // Numbers the pairs of nodes that a walk meets and whose faces share a vertex, so that the walk knows at once
 // which pairs to test by boxes and which by cones.
 struct Walk {
-    const Surface &surface;
+    const BoxTree &tree;
     Array<Box> boxes;
     List<Two> following;
 
     bool share_vertex(int a, int b) const {
-        Face f = surface.faces.at(surface.order.at(surface.nodes.at(a).first));
-        Face g = surface.faces.at(surface.order.at(surface.nodes.at(b).first));
+        Face f = tree.faces.at(tree.order.at(tree.nodes.at(a).first));
+        Face g = tree.faces.at(tree.order.at(tree.nodes.at(b).first));
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++)
                 if (f[i] == g[j]) return true;
@@ -49,13 +49,12 @@ struct Walk {
 
     bool boxes_touch(int a, int b) const {
         Box x = boxes.at(a), y = boxes.at(b);
-        return x.low.x <= y.high.x && y.low.x <= x.high.x && x.low.y <= y.high.y && y.low.y <= x.high.y &&
-               x.low.z <= y.high.z && y.low.z <= x.high.z;
+        return !any((x.low > y.high) | (y.low > x.high));
     }
 
     int32_t number(int a, int b) {
         if (!boxes_touch(a, b)) return APART;
-        Node x = surface.nodes.at(a), y = surface.nodes.at(b);
+        Node x = tree.nodes.at(a), y = tree.nodes.at(b);
         if (x.is_leaf() && y.is_leaf()) return share_vertex(a, b) ? DONE : APART;
         bool halve_a = first_is_halved(x, y);
         int left = halve_a ? number(a + 1, b) : number(a, b + 1);
@@ -69,17 +68,18 @@ struct Walk {
 // Marks the nodes whose faces are connected by edges.
 void find_connected(Sheet &sheet, Arena &arena) {
     const Surface &surface = sheet.surface;
+    const BoxTree &tree = sheet.tree;
     Arena work;
     int faces = surface.faces.size;
     Array<int32_t> place = work.take<int32_t>(faces), visited = work.take<int32_t>(faces);
     Array<int32_t> waiting = work.take<int32_t>(faces + 1);
-    for (int k = 0; k < faces; k++) place[surface.order[k]] = k;
-    sheet.connected = arena.take<int32_t>(surface.nodes.size);
-    for (int node = 0; node < surface.roots[surface.roots.size - 1]; node++) {
-        Node n = surface.nodes[node];
+    for (int k = 0; k < faces; k++) place[tree.order[k]] = k;
+    sheet.connected = arena.take<int32_t>(tree.nodes.size);
+    for (int node = 0; node < tree.roots[tree.roots.size - 1]; node++) {
+        Node n = tree.nodes[node];
         if (n.first == n.last) continue;
         int count = 1;
-        waiting[0] = surface.order[n.first];
+        waiting[0] = tree.order[n.first];
         visited[waiting[0]] = node + 1;
         for (int head = 0; head < count; head++)
             for (int j = 0; j < 3; j++) {
@@ -102,12 +102,12 @@ float widened(Cone cone, Vec axis) {
 }
 
 void fit_cones(const Sheet &sheet, const Vec *positions, Array<Cone> cones) {
-    const Surface &surface = sheet.surface;
-    for (int k = surface.roots[surface.roots.size - 1] - 1; k >= 0; k--) {
-        Node node = surface.nodes.at(k);
+    const BoxTree &tree = sheet.tree;
+    for (int k = tree.roots[tree.roots.size - 1] - 1; k >= 0; k--) {
+        Node node = tree.nodes.at(k);
         if (node.is_leaf()) {
             if (node.first < node.last)
-                cones.at(k) = {unit(face_normal(surface, positions, surface.order.at(node.first))), 1};
+                cones.at(k) = {unit(face_normal(sheet.surface, positions, tree.order.at(node.first))), 1};
             continue;
         }
         Cone left = cones.at(k + 1), right = cones.at(node.right);
@@ -120,21 +120,17 @@ void fit_cones(const Sheet &sheet, const Vec *positions, Array<Cone> cones) {
 bool are_apart(const SelfContact &contact, int a, int b, float margin, float interval) {
     const Box &x = contact.boxes.at(a), &y = contact.boxes.at(b);
     const Box &u = contact.speeds.at(a), &v = contact.speeds.at(b);
-    auto along = [&](float x_low, float x_high, float y_low, float y_high, float u_low, float u_high,
-                     float v_low, float v_high) {
-        return x_low > y_high + margin + interval * most(v_high - u_low, 0.0f) ||
-               y_low > x_high + margin + interval * most(u_high - v_low, 0.0f);
-    };
-    return along(x.low.x, x.high.x, y.low.x, y.high.x, u.low.x, u.high.x, v.low.x, v.high.x) ||
-           along(x.low.y, x.high.y, y.low.y, y.high.y, u.low.y, u.high.y, v.low.y, v.high.y) ||
-           along(x.low.z, x.high.z, y.low.z, y.high.z, u.low.z, u.high.z, v.low.z, v.high.z);
+    Four none{};
+    FourMask above = x.low > y.high + margin + interval * most(v.high - u.low, none);
+    FourMask below = y.low > x.high + margin + interval * most(u.high - v.low, none);
+    return any(above | below);
 }
 
 // Greatest speed, m/s, of a part of one node relative to a part of the other.
 float relative_speed(const SelfContact &contact, int a, int b) {
     Box u = contact.speeds.at(a), v = contact.speeds.at(b);
-    Vec one = u.high - v.low, other = v.high - u.low;
-    return length({most(one.x, other.x), most(one.y, other.y), most(one.z, other.z)});
+    Four most_of = most(u.high - v.low, v.high - u.low), squares = most_of * most_of;
+    return root(squares[0] + squares[1] + squares[2]);
 }
 
 // Whether two adjacent nodes are one patch, all normals within an angle of cosine `flat`.
@@ -161,15 +157,16 @@ void walk_pairs(const Sheet &sheet, SelfContact &contact, const Vec *positions, 
         int32_t a, b, pair;
     };
     const Surface &surface = sheet.surface;
+    const BoxTree &tree = sheet.tree;
     List<Waiting> stack;
-    int pieces = surface.roots.size - 1;
+    int pieces = tree.roots.size - 1;
     for (int i = 0; i < pieces; i++)
         for (int j = i; j < pieces; j++)
-            if (!sheet.apart.at(i * pieces + j)) stack.add({surface.roots.at(i), surface.roots.at(j), APART});
+            if (!sheet.apart.at(i * pieces + j)) stack.add({tree.roots.at(i), tree.roots.at(j), APART});
     contact.leaves.clear();
     while (stack.items.size > 0) {
         Waiting w = stack.items[--stack.items.size];
-        Node x = surface.nodes.at(w.a), y = surface.nodes.at(w.b);
+        Node x = tree.nodes.at(w.a), y = tree.nodes.at(w.b);
         if (w.a == w.b) {
             if (x.is_leaf() || (sheet.connected.at(w.a) && contact.cones.at(w.a).cosine > flat)) continue;
             stack.add({w.a + 1, w.a + 1, APART});
@@ -190,7 +187,7 @@ void walk_pairs(const Sheet &sheet, SelfContact &contact, const Vec *positions, 
             if (next.second != DONE) stack.add({halve_a ? right : w.a, halve_a ? w.b : right, next.second});
             continue;
         }
-        int f = surface.order.at(x.first), g = surface.order.at(y.first);
+        int f = tree.order.at(x.first), g = tree.order.at(y.first);
         float watched = margin + interval * relative_speed(contact, w.a, w.b);
         if (!is_off_plane(surface, positions, f, contact.cones.at(w.a).axis, g, watched) &&
             !is_off_plane(surface, positions, g, contact.cones.at(w.b).axis, f, watched))
@@ -413,16 +410,17 @@ Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure) {
     if (failure.failed) return {};
     Array<Face> triangles{reinterpret_cast<Face *>(corners.data), faces};
     Vec *points = reinterpret_cast<Vec *>(rest.data);
-    sheet.surface = make_surface(points, vertices, triangles, starts, 1, arena);
+    sheet.surface = make_surface(vertices, triangles, arena);
+    sheet.tree = make_box_tree(points, triangles, starts, 1, arena);
     sheet.rings = vertex_rings(triangles, vertices, arena);
     find_connected(sheet, arena);
     Arena work;
-    Walk walk{sheet.surface, work.take<Box>(sheet.surface.nodes.size), {}};
-    for (int piece = 0; piece < pieces; piece++) fit_boxes(sheet.surface, piece, points, walk.boxes);
-    sheet.halves = arena.take<int32_t>(sheet.surface.nodes.size);
-    for (int k = 0; k < sheet.surface.roots[pieces]; k++)
-        if (!sheet.surface.nodes[k].is_leaf())
-            sheet.halves[k] = walk.number(k + 1, sheet.surface.nodes[k].right);
+    Walk walk{sheet.tree, work.take<Box>(sheet.tree.nodes.size), {}};
+    for (int piece = 0; piece < pieces; piece++) fit_boxes(sheet.tree, piece, points, walk.boxes);
+    sheet.halves = arena.take<int32_t>(sheet.tree.nodes.size);
+    for (int k = 0; k < sheet.tree.roots[pieces]; k++)
+        if (!sheet.tree.nodes[k].is_leaf())
+            sheet.halves[k] = walk.number(k + 1, sheet.tree.nodes[k].right);
     sheet.following = arena.copy(walk.following.items);
     return sheet;
 }
@@ -430,10 +428,11 @@ Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure) {
 void find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities, float margin, float interval,
                 SelfContact &contact) {
     const Surface &surface = sheet.surface;
+    const BoxTree &tree = sheet.tree;
     float flat = most(margin / sheet.spacing, LEAST_FLAT);
-    for (int piece = 0; piece + 1 < surface.roots.size; piece++) {
-        fit_boxes(surface, piece, positions, contact.boxes);
-        fit_boxes(surface, piece, velocities, contact.speeds);
+    for (int piece = 0; piece + 1 < tree.roots.size; piece++) {
+        fit_boxes(tree, piece, positions, contact.boxes);
+        fit_boxes(tree, piece, velocities, contact.speeds);
     }
     fit_cones(sheet, positions, contact.cones);
     walk_pairs(sheet, contact, positions, margin, interval, flat);
@@ -442,8 +441,8 @@ void find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities,
     contact.points.clear();
     contact.edges.clear();
     for (Two leaf : contact.leaves.items) {
-        int f = surface.order.at(surface.nodes.at(leaf.first).first);
-        int g = surface.order.at(surface.nodes.at(leaf.second).first);
+        int f = tree.order.at(tree.nodes.at(leaf.first).first);
+        int g = tree.order.at(tree.nodes.at(leaf.second).first);
         float watched = margin + interval * relative_speed(contact, leaf.first, leaf.second);
         find_points(sheet, positions, f, g, watched, contact.points);
         find_points(sheet, positions, g, f, watched, contact.points);

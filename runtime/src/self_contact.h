@@ -2,6 +2,7 @@
 #pragma once
 
 #include "body_contact.h"
+#include "box_tree.h"
 #include "list.h"
 
 namespace uvc {
@@ -17,7 +18,7 @@ struct Cone {
     float cosine;
 };
 
-// Surface of cloth for contact with itself. Each piece of cloth is a part of the surface.
+// Surface of cloth for contact with itself. Each piece of cloth is a part of the tree.
 //
 // owned: for each face, bits 0 to 2 of the corners and bits 3 to 5 of the edges (corner i to i + 1) that it
 // stands for, so that each is tested once. face_edges: into edges. connected: nodes whose faces are one patch.
@@ -26,6 +27,7 @@ struct Cone {
 // neighbours, in slightly squeezed cloth.
 struct Sheet {
     Surface surface;
+    BoxTree tree;
     Array<Two> edges;
     Array<int32_t> owned;
     Array<Face> face_edges;

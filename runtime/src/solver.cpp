@@ -91,22 +91,22 @@ void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
 }
 
 bool step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *velocities, Searched searched,
-          SelfContact &contact) {
+          SelfContact &contact, Arena &work) {
+    Scope scope(work);
     const Collider &collider = solver.collider;
     int vertices = solver.particles.mass.size;
-    Arena work;
     Array<Row> rows = work.take<Row>(vertices);
     Array<Force> forces = work.take<Force>(vertices);
     Array<Vec64> rounded = work.take<Vec64>(vertices);
-    contact.boxes = work.take<Box>(solver.sheet.surface.nodes.size);
-    contact.speeds = work.take<Box>(solver.sheet.surface.nodes.size);
-    contact.cones = work.take<Cone>(solver.sheet.surface.nodes.size);
+    contact.boxes = work.take<Box>(solver.sheet.tree.nodes.size);
+    contact.speeds = work.take<Box>(solver.sheet.tree.nodes.size);
+    contact.cones = work.take<Cone>(solver.sheet.tree.nodes.size);
     Passage passage =
         begin_passage(collider, vectors(motion.body_start), vectors(motion.body_end), positions, searched,
                       motion.frame, motion.renewal, work);
     Array<int32_t> caught = work.take<int32_t>(vertices);
     bool any_caught =
-        find_caught(collider, vectors(motion.body_start), positions, passage.boxes, caught.data);
+        find_caught(collider, vectors(motion.body_start), positions, passage.parts, caught.data);
     Array<float> watched = work.take<float>(vertices);
     for (int k = 0; k < vertices; k++)
         watched[k] = motion.radius + WATCHED + solver.particles.thickness[k];
@@ -143,7 +143,7 @@ bool step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *v
         }
         if (collider.surface.faces.size == 0) continue;
         if (substep % motion.body_interval == 0) {
-            contacts.size = find_near(collider, passage, share, positions, watch, found);
+            contacts.size = find_near(collider, passage, share, positions, watch, found, work);
             for (int k = 0; k < contacts.size; k++)
                 contacts[k] = {found[k].vertex, found[k].face, 0, 0, {}, {}, {}};
         }

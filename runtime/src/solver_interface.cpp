@@ -12,6 +12,7 @@ struct uvc_elastic {
 
 struct uvc_pairs {
     uvc::SelfContact data;
+    uvc::Arena work;
 };
 
 extern "C" {
@@ -61,7 +62,7 @@ void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides, int32_
 int uvc_solve(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
               int32_t *faces, float *clear, uvc_pairs *pairs) {
     return uvc::step(solver->data, *motion, reinterpret_cast<uvc::Vec *>(positions),
-                     reinterpret_cast<uvc::Vec *>(velocities), {faces, clear}, pairs->data);
+                     reinterpret_cast<uvc::Vec *>(velocities), {faces, clear}, pairs->data, pairs->work);
 }
 
 uvc_elastic *uvc_read_elastic(const void *bytes, size_t size, int vertices, char *message, size_t room) {

@@ -1,4 +1,4 @@
-// A triangle mesh that moves: what is known of it at rest, its tree of boxes, closest faces and rays.
+// A triangle mesh that moves: its faces and their neighbours, closest points, and normals.
 #pragma once
 
 #include "memory.h"
@@ -6,44 +6,24 @@
 
 namespace uvc {
 
-// Lowest and highest corner.
-struct Box {
-    Vec low, high;
-};
-
-// Node of a tree: a leaf with faces order[first] to order[last - 1], or a node with two children, of which
-// the left one follows it.
-struct Node {
-    int32_t first, last, right;
-    bool is_leaf() const { return right == 0; }
-};
-
 // One or several parts, each a surface of its own, over the same vertices. Nothing here changes.
 //
 // neighbours: face across each edge, corner i to i + 1, -1 at a border. around: the faces around each vertex,
-// from around_starts on. roots: a tree's first node for each part, and the number of all nodes.
+// from around_starts on; nexts, lasts: the corners that follow the vertex in them.
 struct Surface {
     int vertices;
     Array<Face> faces;
     Array<Face> neighbours;
-    Array<int32_t> around, around_starts;
-    Array<Node> nodes;
-    Array<int32_t> order, roots;
+    Array<int32_t> around, around_starts, nexts, lasts;
 };
 
-// Faces of each part follow one another; `starts` are their first faces and, last, the number of all. leaf:
-// most faces in a leaf of the tree.
-Surface make_surface(const Vec *rest, int vertices, Array<Face> faces, Array<int32_t> starts, int leaf,
-                     Arena &arena);
+Surface make_surface(int vertices, Array<Face> faces, Arena &arena);
 
 // Vertices on an edge with each vertex, in rows from starts[vertex] on.
 struct Rings {
     Array<int32_t> starts, ring;
 };
 Rings vertex_rings(Array<Face> faces, int vertices, Arena &arena);
-
-// Fits the boxes of a part's tree to the vertices as they are now.
-void fit_boxes(const Surface &surface, int part, const Vec *points, Array<Box> boxes);
 
 // A face, -1 for none, the barycentric coordinates of its closest point, and the way from there to the point.
 struct Closest {
@@ -89,26 +69,12 @@ template <class On> Closest walk_over(const Surface &surface, int face, int step
 // The same on the surface as it is.
 Closest walk(const Surface &surface, const Vec *points, int face, Vec point, int steps);
 
-// The closest face of a part within reach, m. `guess`, a face or -1, saves time and changes nothing.
-// `beyond`: where none is found, the square of a distance within which there is none.
-Closest closest_face(const Surface &surface, int part, const Vec *points, Array<Box> boxes, Vec point,
-                     float reach, int guess, float &beyond);
-
-// First face that a ray along a unit direction meets within reach, -1 for none.
-struct Hit {
-    int face;
-    float distance;
-    Vec weights;
-};
-Hit first_hit(const Surface &surface, int part, const Vec *points, Array<Box> boxes, Vec start,
-              Vec direction, float reach);
-
-// Normal of a vertex: the mean of the faces around it, by their angles there; not of unit length.
+// Normal of a vertex: the mean of the faces around it, by their angles there; not of unit length. A point is
+// outside of a closed surface where this says so (Baerentzen and Aanaes 2005).
 Vec vertex_normal(const Surface &surface, const Vec *points, int vertex);
 
 UVC_INLINE Vec face_normal(const Surface &surface, const Vec *points, int face) {
-    Face f = surface.faces.at(face);
-    return cross(points[f.b] - points[f.a], points[f.c] - points[f.a]);
+    return face_normal(surface.faces.at(face), points);
 }
 
 }  // namespace uvc

@@ -43,18 +43,9 @@ UVC_INLINE Vec closest_barycentrics(Vec point, Vec a, Vec b, Vec c) {
     return {1 - (to_b + to_c) * share, to_b * share, to_c * share};
 }
 
-// Where a ray from `start` along a unit direction meets a triangle (Moeller and Trumbore 1997): the distance,
-// negative where it does not, and barycentric coordinates.
-UVC_INLINE float ray_hit(Vec start, Vec direction, Vec a, Vec b, Vec c, Vec &weights) {
-    Vec ab = b - a, ac = c - a, p = cross(direction, ac);
-    float volume = dot(ab, p);
-    if (absolute(volume) < TINY) return -1;
-    float share = 1 / volume;
-    Vec from = start - a, q = cross(from, ab);
-    float u = dot(from, p) * share, v = dot(direction, q) * share;
-    if (u < 0 || v < 0 || u + v > 1) return -1;
-    weights = {1 - u - v, u, v};
-    return dot(ac, q) * share;
+// Normal of a face, twice its area long.
+UVC_INLINE Vec face_normal(Face face, const Vec *points) {
+    return cross(points[face.b] - points[face.a], points[face.c] - points[face.a]);
 }
 
 }  // namespace uvc

@@ -1,5 +1,7 @@
 #include "walls.h"
 
+#include "lanes.h"
+
 namespace uvc {
 
 namespace {
@@ -13,19 +15,9 @@ constexpr float FACING = 0.5f;
 // Metres that stand for no distance.
 constexpr float FAR = 1e9f;
 
-typedef Vector<Lanes> Vecs;
-
-UVC_INLINE Lanes load(const float *numbers) {
-    Lanes lanes;
-    __builtin_memcpy(&lanes, numbers, sizeof(lanes));
-    return lanes;
-}
-
-UVC_INLINE Vecs load(const float (*columns)[LANES]) {
+UVC_INLINE LaneVec load_columns(const float (*columns)[LANES]) {
     return {load(columns[0]), load(columns[1]), load(columns[2])};
 }
-
-UVC_INLINE Vecs repeat(Vec a) { return {Lanes{} + a.x, Lanes{} + a.y, Lanes{} + a.z}; }
 
 UVC_INLINE Vec pick(const float (*columns)[LANES], int lane) {
     return {columns[0][lane], columns[1][lane], columns[2][lane]};
@@ -36,23 +28,6 @@ UVC_INLINE void put(float (*columns)[LANES], int lane, Vec a) {
     columns[1][lane] = a.y;
     columns[2][lane] = a.z;
 }
-
-// A bit for each lane in which a condition holds.
-UVC_INLINE int bits(LaneMask mask) {
-    mask &= LaneMask{1, 2, 4, 8, 16, 32, 64, 128};
-    mask |= __builtin_shufflevector(mask, mask, 4, 5, 6, 7, 0, 1, 2, 3);
-    mask |= __builtin_shufflevector(mask, mask, 2, 3, 0, 1, 6, 7, 4, 5);
-    mask |= __builtin_shufflevector(mask, mask, 1, 0, 3, 2, 5, 4, 7, 6);
-    return mask[0];
-}
-
-UVC_INLINE float sum(Lanes a) {
-    a += __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3);
-    a += __builtin_shufflevector(a, a, 2, 3, 0, 1, 6, 7, 4, 5);
-    return a[0] + a[1];
-}
-
-UVC_INLINE Vec sum(Vecs a) { return {sum(a.x), sum(a.y), sum(a.z)}; }
 
 // A box around points, m.
 struct Range {
@@ -66,8 +41,8 @@ UVC_INLINE void widen(Range &range, Vec low, Vec high) {
 
 // Lanes whose boxes are within reach of a box.
 UVC_INLINE LaneMask within_reach(const Bounds &bounds, Range box) {
-    Vecs below = load(bounds.low) - repeat(box.high), beyond = repeat(box.low) - load(bounds.high);
-    Vecs gap = {most(most(below.x, beyond.x), 0.0f), most(most(below.y, beyond.y), 0.0f),
+    LaneVec below = load_columns(bounds.low) - repeat(box.high), beyond = repeat(box.low) - load_columns(bounds.high);
+    LaneVec gap = {most(most(below.x, beyond.x), 0.0f), most(most(below.y, beyond.y), 0.0f),
                 most(most(below.z, beyond.z), 0.0f)};
     return dot(gap, gap) < REACH * REACH;
 }
@@ -112,7 +87,7 @@ Range place_group(const Sides &sides, int group, const Vec *corners, Walls &wall
 void mark_near(const Sides &sides, int side, Range next, Walls &walls) {
     int middle = sides.starts[side + 1], end = sides.starts[side + 2];
     for (int group = sides.starts[side]; group < middle; group++) {
-        for (int left = bits(within_reach(walls.bounds[group], next)); left; left &= left - 1) {
+        for (unsigned left = bits(within_reach(walls.bounds[group], next)); left; left &= left - 1) {
             int lane = __builtin_ctz((unsigned)left);
             Range box = range_of(walls.bounds[group], lane);
             for (int other = middle; other < end; other++) {
@@ -242,15 +217,15 @@ void raise_walls(const Sides &sides, const Vec *corners, Walls &walls) {
 Array<Facing> find_facing(const Sides &sides, Walls &walls, int side, int tile) {
     const Bounds &own = walls.bounds[tile / LANES];
     Range box = range_of(own, tile % LANES);
-    Vecs axis = repeat(pick(own.axis, tile % LANES));
+    LaneVec axis = repeat(pick(own.axis, tile % LANES));
     float spread = own.spread[tile % LANES];
     int other = side ^ 1, count = 0;
     for (int group = sides.starts[other]; group < sides.starts[other + 1]; group++) {
         const Bounds &bounds = walls.bounds[group];
         // The least cosine between two normals that differ by no more than the spreads from the axes.
-        Lanes others = load(bounds.spread), cosine = dot(axis, load(bounds.axis)) - spread;
+        Lanes others = load(bounds.spread), cosine = dot(axis, load_columns(bounds.axis)) - spread;
         LaneMask faces = cosine - (1.0f + spread) * others < FACING;
-        for (int left = bits(within_reach(bounds, box) & faces); left; left &= left - 1) {
+        for (unsigned left = bits(within_reach(bounds, box) & faces); left; left &= left - 1) {
             int lane = __builtin_ctz((unsigned)left);
             Facing &facing = walls.facing[count / LANES];
             copy_lane(bounds, lane, facing.bounds, count % LANES);
@@ -267,21 +242,21 @@ Measured measure(const Walls &walls, int row, Array<Facing> facing) {
     const Tile &own = walls.tiles[row / LANES];
     int lane = row % LANES;
     Vec point = pick(own.start, lane);
-    Vecs start = repeat(point), place = repeat(pick(own.place, lane)), normal = repeat(pick(own.normal, lane));
-    Vecs wall{}, way{};
+    LaneVec start = repeat(point), place = repeat(pick(own.place, lane)), normal = repeat(pick(own.normal, lane));
+    LaneVec wall{}, way{};
     Lanes weight{}, above{};
     for (const Facing &few : facing) {
-        LaneMask faces = dot(normal, load(few.bounds.axis)) - load(few.bounds.spread) < FACING;
-        for (int left = bits(within_reach(few.bounds, {point, point}) & faces); left; left &= left - 1) {
+        LaneMask faces = dot(normal, load_columns(few.bounds.axis)) - load(few.bounds.spread) < FACING;
+        for (unsigned left = bits(within_reach(few.bounds, {point, point}) & faces); left; left &= left - 1) {
             const Tile &tile = walls.tiles[few.tiles[__builtin_ctz((unsigned)left)]];
-            Vecs at_start = start - load(tile.start), away = place - load(tile.place);
-            Vecs other = load(tile.normal);
+            LaneVec at_start = start - load_columns(tile.start), away = place - load_columns(tile.place);
+            LaneVec other = load_columns(tile.normal);
             Lanes square = dot(away, away), rest = 1.0f - (1.0f / SQUARE) * square;
             Lanes against = (1.0f / (1.0f + FACING)) * (FACING - dot(normal, other));
             LaneMask counts = (dot(at_start, at_start) < SQUARE) & (rest > 0.0f) & (against > 0.0f);
             Lanes share = against * (rest / (square + 0.5f * (own.core[lane] + load(tile.core))));
             share = choose(counts, share * share, Lanes{});
-            Vecs plane = share * other;
+            LaneVec plane = share * other;
             weight += share;
             above += dot(away, plane);
             wall += plane;
