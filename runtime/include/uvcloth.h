@@ -63,6 +63,17 @@ UVC_API int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, cha
 UVC_API void uvc_pull(uvc_cloth *cloth, const double *points, double rate);
 UVC_API int uvc_cages(const uvc_outfit *outfit);
 
+/* Wind (3), m/s, and gravity (3), m/s2, in the world of the joints, in all steps until the next call; before the
+ * first one no wind, and 9.81 m/s2 downwards. Wind blows through the body. Returns 1, or 0 and a sentence, and
+ * changes nothing, for more than 100 m/s or m/s2, and for numbers that are not finite. */
+UVC_API int uvc_set_world(uvc_cloth *cloth, const double *wind, const double *gravity, char *message, size_t room);
+
+/* Changes the fabric of a garment: factors on its weight per area, and on its stiffness in the plane and in bending,
+ * as it was baked, from 0.01 to 100. Frames get as many substeps as the new fabric needs. Returns 1, or 0 and a
+ * sentence, and changes nothing, for other factors, or a garment that is not there. */
+UVC_API int uvc_set_fabric(uvc_cloth *cloth, int garment, double density, double stretch, double bend, char *message,
+                           size_t room);
+
 /* All that the cloth remembers, as so many bytes: written, and read again by cloth in the same outfit, which
  * goes on from there. uvc_restore returns 0 for other bytes. They are for this machine and this version. */
 UVC_API size_t uvc_saved_size(const uvc_cloth *cloth);
@@ -129,15 +140,15 @@ UVC_API void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides
  *
  * body_start, body_end: (C) before and after the frame. target_start, target_end: (N) that vertices are pulled
  * to, with the frequency pull (N), 1/s, and the damping ratio damping (N); frequency 0 is not pulled.
- * acceleration: (N) m/s2 from outside, or NULL. drift: m/s, of the frame of reference through the air. seconds:
- * of the frame. radius: kept between cloth and body; self_radius: between cloth and cloth; self_margin: more
+ * acceleration: (N) m/s2 from outside, or NULL. gravity: m/s2. drift: m/s, of the frame of reference through the
+ * air. seconds: of the frame. radius: kept between cloth and body; self_radius: between cloth and cloth; self_margin: more
  * within which cloth is watched. reach: how near the body, and how deep in it, cloth is looked for.
  * substeps: at least 1. interval, body_interval, hinge_interval: substeps between two searches of cloth near
  * cloth, of the body's faces, and two evaluations of the hinges. frame: number of earlier frames. renewal:
  * frames from one search of all faces of the body for a vertex to the next. self_contact: 0 leaves it out. */
 typedef struct uvc_motion {
     const float *body_start, *body_end, *target_start, *target_end, *pull, *damping, *acceleration;
-    float drift[3];
+    float drift[3], gravity[3];
     float seconds, radius, self_radius, self_margin, reach;
     int32_t substeps, interval, body_interval, hinge_interval, frame, renewal, self_contact;
 } uvc_motion;
@@ -153,6 +164,9 @@ typedef struct uvc_elastic uvc_elastic;
 UVC_API uvc_elastic *uvc_read_elastic(const void *bytes, size_t size, int vertices, char *message,
                                       size_t room);
 UVC_API void uvc_free_elastic(uvc_elastic *elastic);
+
+/* Longest stable step, s, of the solver for cloth of masses (N), kg, at rest (N). */
+UVC_API float uvc_stable_step(const uvc_elastic *elastic, const float *mass, const float *rest);
 
 /* Adds the forces (N), N, of all faces and hinges at positions (N) and velocities (N). wind: (3) m/s. */
 UVC_API void uvc_add_forces(const uvc_elastic *elastic, const float *positions, const float *velocities,

@@ -7,6 +7,9 @@ namespace {
 // Metres that garments keep from the skin, and from each other; how far skin and cloth are looked for.
 constexpr float CLEARANCE = 0.003f, CLEARING_REACH = 0.03f;
 
+// m/s2.
+constexpr double GRAVITY = 9.81;
+
 // Damping ratios of the springs that hold bands, and that pull cages: at 1 a skirt swings out with half its
 // energy.
 constexpr float HOLD_DAMPING = 0.7f, PULL_DAMPING = 0.3f;
@@ -118,6 +121,14 @@ struct Next {
     Searched searched;
 };
 
+// A vector of the world in the frame of a place, less another one there.
+void put_in_place(const Place &place, Vec64 world, Vec64 less, float *numbers) {
+    Vec64 vector = brought_in({place.cosine, place.sine, {}}, world) - less;
+    numbers[0] = (float)vector.x;
+    numbers[1] = (float)vector.y;
+    numbers[2] = (float)vector.z;
+}
+
 // Targets of the cages, m, around the origin of `posed`: where they are pulled, or skinned where they are held.
 Array<Vec> find_targets(const Character &character, Arena &work) {
     const Posed &posed = character.posed;
@@ -160,7 +171,7 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
                     (int)least(1e9f, jump), (int)FASTEST_BODY);
         return false;
     }
-    double needed = (double)seconds * settings.needed;
+    double needed = (double)seconds * character.needed;
     if (!(needed < MOST_SUBSTEPS)) {
         failure.say("a frame of %d s needs too many substeps", (int)least(1e9f, seconds));
         return false;
@@ -180,9 +191,9 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
     motion.target_end = numbers(next.targets);
     motion.pull = rates.data;
     motion.damping = damping.data;
-    motion.drift[0] = (float)next.drift.x;
-    motion.drift[1] = (float)next.drift.y;
-    motion.drift[2] = (float)next.drift.z;
+    put_in_place(character.place, character.gravity, {}, motion.gravity);
+    put_in_place(character.place, character.wind, next.drift, motion.drift);
+    for (float &speed : motion.drift) speed = -speed;
     motion.seconds = seconds;
     motion.radius = settings.radius;
     motion.self_radius = settings.self_radius;
@@ -203,7 +214,7 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
         next.velocities = arena.copy(speeds);
         next.searched = {arena.copy(character.searched.faces, rows).data,
                          arena.copy(character.searched.clear, rows).data};
-        if (step(outfit.solver, motion, next.positions.data, next.velocities.data, next.searched,
+        if (step(outfit.solver, character.material, motion, next.positions.data, next.velocities.data, next.searched,
                  character.contact, arena))
             return true;
         character.contact.points.assign(points);
@@ -285,8 +296,8 @@ void forget(Character &character) {
 }  // namespace
 
 Character::Character(const Outfit &outfit)
-    : outfit(outfit), is_started(false), place{1, 0, {}}, steps(0), solved(0), rate(0), origin{}, drift{},
-      shown_origin{} {
+    : outfit(outfit), is_started(false), place{1, 0, {}}, steps(0), solved(0), rate(0), wind{},
+      gravity{0, 0, -GRAVITY}, origin{}, drift{}, shown_origin{} {
     int cages = outfit.cages.vertices(), rows = outfit.solver.collider.parts * cages;
     guide = arena.take<Vec64>(cages);
     positions = arena.take<Vec>(cages);
@@ -298,6 +309,9 @@ Character::Character(const Outfit &outfit)
     memory = lay_out(outfit.clearing, arena.take<uint8_t>((int)memory_size(outfit.clearing)).data);
     posed = make_posed(outfit, arena);
     opening = make_opening_work(outfit.opening, arena);
+    fabrics = arena.take<Fabric>(outfit.garments());
+    for (Fabric &fabric : fabrics) fabric = {};
+    renew_material(*this);
     forget(*this);
 }
 

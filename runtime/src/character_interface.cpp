@@ -76,6 +76,17 @@ void uvc_pull(uvc_cloth *cloth, const double *points, double rate) {
     uvc::pull(cloth->data, reinterpret_cast<const uvc::Vec64 *>(points), (float)rate);
 }
 
+int uvc_set_world(uvc_cloth *cloth, const double *wind, const double *gravity, char *message, size_t room) {
+    uvc::Failure failure{message, room};
+    return uvc::set_world(cloth->data, {wind[0], wind[1], wind[2]}, {gravity[0], gravity[1], gravity[2]}, failure);
+}
+
+int uvc_set_fabric(uvc_cloth *cloth, int garment, double density, double stretch, double bend, char *message,
+                   size_t room) {
+    uvc::Failure failure{message, room};
+    return uvc::set_fabric(cloth->data, garment, {(float)density, (float)stretch, (float)bend}, failure);
+}
+
 size_t uvc_saved_size(const uvc_cloth *cloth) { return uvc::saved_size(cloth->data); }
 
 void uvc_save(const uvc_cloth *cloth, void *bytes) { uvc::save(cloth->data, static_cast<uint8_t *>(bytes)); }

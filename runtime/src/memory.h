@@ -66,6 +66,12 @@ class Arena {
 
     template <class T> Array<T> copy(Array<T> array) { return copy(array.data, array.size); }
 
+    // Gives all pieces back, and keeps the memory for those that are taken next.
+    void clear() {
+        block_ = nullptr;
+        used_ = 0;
+    }
+
   private:
     friend class Scope;
 

@@ -26,7 +26,7 @@ SolverSettings read_settings(const Sections &sections, Failure &failure) {
 void check_sizes(const Outfit &outfit, Failure &failure) {
     const Outfit &o = outfit;
     if (failure.failed) return;
-    if (o.cages.vertices() != o.solver.particles.mass.size)
+    if (o.cages.vertices() != o.solver.material.particles.mass.size)
         failure.say("the outfit's cages have not as many vertices as its cloth");
     if (o.points.vertices() != o.clearing.rest.size)
         failure.say("the outfit's points are not as many as those that are cleared");
@@ -34,6 +34,29 @@ void check_sizes(const Outfit &outfit, Failure &failure) {
         failure.say("the outfit's collider has not as many vertices as are used");
     if (o.clearing.skin_vertices != o.body.vertices())
         failure.say("the skin that the outfit covers has not as many vertices as its body");
+}
+
+// The garment of each vertex of the cages: that of the points around it, or of its neighbours where there is none.
+Array<int32_t> find_cage_garments(const Outfit &outfit, Arena &arena) {
+    Array<int32_t> garments = arena.take<int32_t>(outfit.cages.vertices());
+    for (int32_t &garment : garments) garment = -1;
+    for (int garment = 0; garment < outfit.garments(); garment++)
+        for (int point = outfit.starts[garment]; point < outfit.starts[garment + 1]; point++)
+            for (int k = outfit.cage_starts[point]; k < outfit.cage_starts[point + 1]; k++)
+                garments[outfit.cage[k]] = garment;
+    const Array<Face> &faces = outfit.solver.sheet.surface.faces;
+    for (bool is_new = true; is_new;) {
+        is_new = false;
+        for (Face face : faces)
+            for (int corner = 0; corner < 3; corner++) {
+                int32_t &garment = garments[face[corner]], other = garments[face[(corner + 1) % 3]];
+                if (garment >= 0 || other < 0) continue;
+                garment = other;
+                is_new = true;
+            }
+    }
+    for (int32_t &garment : garments) garment = most(garment, 0);
+    return garments;
 }
 
 }  // namespace
@@ -72,6 +95,7 @@ void read_outfit(const Sections &stored, Outfit &outfit, Failure &failure) {
     outfit.shown_starts =
         read_starts(sections, "outfit.shown_starts", garments, outfit.shown.size, arena, failure);
     check_sizes(outfit, failure);
+    if (!failure.failed) outfit.cage_garments = find_cage_garments(outfit, arena);
 }
 
 }  // namespace uvc

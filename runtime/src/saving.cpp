@@ -39,6 +39,9 @@ void walk_over(Character &character, Walk &walk) {
     walk.one(character.steps);
     walk.one(character.solved);
     walk.one(character.rate);
+    walk.one(character.wind);
+    walk.one(character.gravity);
+    walk.all(character.fabrics);
     walk.one(character.origin);
     walk.one(character.drift);
     walk.one(character.shown_origin);
@@ -86,6 +89,7 @@ bool restore(Character &character, const uint8_t *bytes, size_t size) {
     for (int k = 0; k < header.edge_pairs; k++) character.contact.edges.add({});
     Walk walk{Walk::RESTORE, const_cast<uint8_t *>(bytes)};
     walk_over(character, walk);
+    renew_material(character);
     return true;
 }
 

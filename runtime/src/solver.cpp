@@ -4,8 +4,6 @@ namespace uvc {
 
 namespace {
 
-constexpr float GRAVITY = 9.81f;
-
 // Metres more than where cloth touches the body within which it is watched.
 constexpr float WATCHED = 0.004f;
 
@@ -18,14 +16,15 @@ constexpr float CLOSE = 0.01f;
 const Vec *vectors(const float *numbers) { return reinterpret_cast<const Vec *>(numbers); }
 
 // Sets forces to the weight plus mass times an acceleration from outside, and copies rows.
-void begin_substep(const Solver &solver, const uvc_motion &motion, const Vec *positions, const Vec *velocities,
+void begin_substep(const Particles &particles, const uvc_motion &motion, const Vec *positions, const Vec *velocities,
                    Array<Row> rows, Array<Force> forces) {
     const Vec *acceleration = vectors(motion.acceleration);
+    const float *gravity = motion.gravity;
     for (int k = 0; k < rows.size; k++) {
         Vec x = positions[k], v = velocities[k];
         rows.at(k) = {{x.x, x.y, x.z, 0, v.x, v.y, v.z, 0}};
-        float mass = solver.particles.mass.at(k);
-        Force force{0, 0, -GRAVITY * solver.particles.weight.at(k) * mass, 0};
+        float mass = particles.mass.at(k), weight = particles.weight.at(k);
+        Force force{gravity[0] * weight * mass, gravity[1] * weight * mass, gravity[2] * weight * mass, 0};
         if (acceleration)
             force += Force{mass * acceleration[k].x, mass * acceleration[k].y, mass * acceleration[k].z, 0};
         forces.at(k) = force;
@@ -33,11 +32,11 @@ void begin_substep(const Solver &solver, const uvc_motion &motion, const Vec *po
 }
 
 // Adds the forces of damped springs to the targets, at a share of the way through the frame.
-void add_pull(const Solver &solver, const uvc_motion &motion, Array<int32_t> pulled, float share,
+void add_pull(const Particles &particles, const uvc_motion &motion, Array<int32_t> pulled, float share,
               const Vec *positions, const Vec *velocities, Array<Force> forces) {
     const Vec *start = vectors(motion.target_start), *end = vectors(motion.target_end);
     for (int32_t k : pulled) {
-        float rate = motion.pull[k], mass = solver.particles.mass.at(k);
+        float rate = motion.pull[k], mass = particles.mass.at(k);
         Vec way = end[k] - start[k], error = start[k] + share * way - positions[k];
         Vec lag = (1 / motion.seconds) * way - velocities[k];
         Vec force = (mass * rate) * (rate * error + (2 * motion.damping[k]) * lag);
@@ -47,11 +46,11 @@ void add_pull(const Solver &solver, const uvc_motion &motion, Array<int32_t> pul
 
 // Symplectic Euler. rounded: rounding errors of the positions: without them slow vertices would not move in
 // small substeps.
-void integrate(const Solver &solver, Array<Force> forces, float step, Vec *positions, Vec *velocities,
+void integrate(const Particles &particles, Array<Force> forces, float step, Vec *positions, Vec *velocities,
                Array<Vec64> rounded) {
     for (int k = 0; k < forces.size; k++) {
         Force force = forces.at(k);
-        velocities[k] += (step * solver.particles.inverse_mass.at(k)) * Vec{force[0], force[1], force[2]};
+        velocities[k] += (step * particles.inverse_mass.at(k)) * Vec{force[0], force[1], force[2]};
         Vec64 exact = wide(positions[k]) + rounded.at(k) + (double)step * wide(velocities[k]);
         positions[k] = narrow(exact);
         rounded.at(k) = exact - wide(positions[k]);
@@ -73,9 +72,9 @@ void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
     Arena &arena = solver.arena;
     solver.sheet = read_sheet(sections, arena, failure);
     int vertices = solver.sheet.surface.vertices;
-    solver.elastic = read_elastic(sections, vertices, arena, failure);
+    solver.material.elastic = read_elastic(sections, vertices, arena, failure);
     solver.collider = read_collider(sections, "cloth.touches", "cloth.crossed", arena, failure);
-    Particles &p = solver.particles;
+    Particles &p = solver.material.particles;
     p.mass = read_floats(sections, "particles.mass", vertices, 1, arena, failure);
     p.weight = read_floats(sections, "particles.weight", vertices, 1, arena, failure);
     p.thickness = read_floats(sections, "particles.thickness", vertices, 1, arena, failure);
@@ -90,11 +89,13 @@ void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
     }
 }
 
-bool step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *velocities, Searched searched,
+bool step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions, Vec *velocities, Searched searched,
           SelfContact &contact, Arena &work) {
     Scope scope(work);
     const Collider &collider = solver.collider;
-    int vertices = solver.particles.mass.size;
+    const Elastic &elastic = material.elastic;
+    const Particles &particles = material.particles;
+    int vertices = particles.mass.size;
     Array<Row> rows = work.take<Row>(vertices);
     Array<Force> forces = work.take<Force>(vertices);
     Array<Vec64> rounded = work.take<Vec64>(vertices);
@@ -109,7 +110,7 @@ bool step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *v
         find_caught(collider, vectors(motion.body_start), positions, passage.parts, caught.data);
     Array<float> watched = work.take<float>(vertices);
     for (int k = 0; k < vertices; k++)
-        watched[k] = motion.radius + WATCHED + solver.particles.thickness[k];
+        watched[k] = motion.radius + WATCHED + particles.thickness[k];
     Watch watch{velocities, watched.data, (float)motion.body_interval / (float)motion.substeps,
                 motion.seconds, motion.reach, CLOSE};
     Array<Near> found = work.take<Near>(collider.parts * vertices);
@@ -123,13 +124,13 @@ bool step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *v
     float step = motion.seconds / (float)motion.substeps;
     for (int substep = 0; substep < motion.substeps; substep++) {
         float share = (float)(substep + 1) / (float)motion.substeps;
-        begin_substep(solver, motion, positions, velocities, rows, forces);
-        add_membrane_forces(solver.elastic.membrane, rows.data, wind, forces.data);
+        begin_substep(particles, motion, positions, velocities, rows, forces);
+        add_membrane_forces(elastic.membrane, rows.data, wind, forces.data);
         if (substep % motion.hinge_interval == 0)
-            add_hinge_forces(solver.elastic.hinges, rows.data,
+            add_hinge_forces(elastic.hinges, rows.data,
                              (float)least(motion.hinge_interval, motion.substeps - substep), forces.data);
-        add_pull(solver, motion, pulled, share, positions, velocities, forces);
-        integrate(solver, forces, step, positions, velocities, rounded);
+        add_pull(particles, motion, pulled, share, positions, velocities, forces);
+        integrate(particles, forces, step, positions, velocities, rounded);
         // Where everything is near everything, a search would take for ever.
         if (substep % motion.interval == 0 && !stays_together(positions, velocities, vertices)) return false;
         if (motion.self_contact) {
@@ -138,7 +139,7 @@ bool step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *v
                            step * (float)motion.interval, contact);
                 if (any_caught) drop_caught(solver.sheet, collider, caught.data, contact);
             }
-            resolve_pairs(solver.sheet, contact, positions, velocities, solver.particles, motion.self_radius,
+            resolve_pairs(solver.sheet, contact, positions, velocities, particles, motion.self_radius,
                           step);
         }
         if (collider.surface.faces.size == 0) continue;
@@ -148,7 +149,7 @@ bool step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *v
                 contacts[k] = {found[k].vertex, found[k].face, 0, 0, {}, {}, {}};
         }
         resolve_contacts(contacts, collider, passage, normals, share, positions, velocities,
-                         solver.particles, motion.radius, step, motion.seconds);
+                         particles, motion.radius, step, motion.seconds);
     }
     end_passage(collider, passage, positions);
     return stays_together(positions, velocities, vertices);

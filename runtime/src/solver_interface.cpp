@@ -1,5 +1,6 @@
 // The C interface of the solver.
 #include "solver.h"
+#include "stability.h"
 
 struct uvc_solver {
     uvc::Solver data;
@@ -61,7 +62,7 @@ void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides, int32_
 
 int uvc_solve(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
               int32_t *faces, float *clear, uvc_pairs *pairs) {
-    return uvc::step(solver->data, *motion, reinterpret_cast<uvc::Vec *>(positions),
+    return uvc::step(solver->data, solver->data.material, *motion, reinterpret_cast<uvc::Vec *>(positions),
                      reinterpret_cast<uvc::Vec *>(velocities), {faces, clear}, pairs->data, pairs->work);
 }
 
@@ -70,6 +71,12 @@ uvc_elastic *uvc_read_elastic(const void *bytes, size_t size, int vertices, char
         object.data = uvc::read_elastic(sections, vertices, object.arena, failure);
     };
     return uvc::read_object<uvc_elastic>(bytes, size, message, room, read);
+}
+
+float uvc_stable_step(const uvc_elastic *elastic, const float *mass, const float *rest) {
+    uvc::Arena work;
+    uvc::Array<float> masses = work.copy(mass, elastic->data.vertices);
+    return uvc::stable_step(elastic->data, masses, reinterpret_cast<const uvc::Vec *>(rest), work);
 }
 
 void uvc_free_elastic(uvc_elastic *elastic) { uvc::drop(elastic); }

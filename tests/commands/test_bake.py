@@ -193,6 +193,25 @@ def test_another_motion_is_retargeted_as_on_the_body(hero: Path, character: Path
     np.testing.assert_allclose(motion.transforms, expected, atol=2e-3)
 
 
+def test_wind_and_fabrics_move_what_is_played(own: Path, tmp_path: Path) -> None:
+    from uvcloth.commands.play_file import play
+
+    played = {}
+    calm = Play(own, tmp_path / "calm.npz")
+    for command in (
+        calm,
+        replace(calm, out=tmp_path / "as baked.npz", fabric=("jersey",)),
+        replace(calm, out=tmp_path / "wind.npz", wind=(0.0, 9.0, 0.0)),
+        replace(calm, out=tmp_path / "heavy.npz", fabric=("denim",)),
+    ):
+        play(command)
+        with np.load(command.out) as arrays:
+            played[command.out.stem] = arrays["skirt_vertices"]
+    np.testing.assert_array_equal(played["as baked"], played["calm"])
+    assert (played["wind"] - played["calm"])[-1, :, 1].mean() > 20 * MILLIMETRE
+    assert np.abs(played["heavy"] - played["calm"]).max() > 2 * MILLIMETRE
+
+
 def test_playing_needs_no_torch(own: Path, tmp_path: Path) -> None:
     code = (
         "import sys\n"
@@ -219,6 +238,10 @@ def other_cloth(written: dict[str, Any]) -> None:
     written["extensions"][EXTENSION]["bufferView"] = 0
 
 
+def no_fabric(written: dict[str, Any]) -> None:
+    del written["extensions"][EXTENSION]["garments"][0]["fabric"]
+
+
 def test_what_cannot_be_played_says_why_and_leaves_nothing(own: Path, tmp_path: Path) -> None:
     from uvcloth.commands.play_file import play
 
@@ -234,6 +257,10 @@ def test_what_cannot_be_played_says_why_and_leaves_nothing(own: Path, tmp_path: 
         play(Play(changed(other_cloth), out))
     with pytest.raises(InputError, match=r"worn\.glb: has no cloth to play"):
         play(Play(changed(no_cloth), out))
+    with pytest.raises(InputError, match=r"worn\.glb: the file does not say of which fabric skirt was baked"):
+        play(Play(changed(no_fabric), out, fabric=("silk",)))
+    with pytest.raises(InputError, match="wind of more than 100 m/s"):
+        play(Play(own, out, wind=(300.0, 0.0, 0.0)))
     with pytest.raises(InputError, match=r"skirt\.glb: --animation jump: expected one of 1 "):
         play(Play(own, out, options=MotionOptions(animation="jump")))
     with pytest.raises(InputError, match="--in-place need --motion"):

@@ -15,8 +15,12 @@ from torch import Tensor
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.commands.animate import animate
+from uvcloth.commands.bake import Bake
+from uvcloth.commands.bake_file import bake
 from uvcloth.commands.export import Export
 from uvcloth.commands.export_rig import export
+from uvcloth.commands.play import Play
+from uvcloth.commands.play_file import play
 from uvcloth.commands.rollout import Rollout
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.clip_file import load_simulated
@@ -39,6 +43,9 @@ KICK, HIGHEST = "kick", 22
 
 MOMENTS = {"stop": (-0.2, 0.0, 0.1, 0.2, 0.4, 0.8), KICK: (-0.4, -0.1, 0.0, 0.1, 0.3, 0.7)}
 """Seconds that are drawn, after the body has come to a standstill, and after the leg is highest."""
+
+WIND = (0.0, 6.0, 0.0)
+"""Wind, m/s, in which the baked character is played."""
 
 PICTURE_SIZE = (220, 300)
 
@@ -134,6 +141,10 @@ def demonstrate(out: Path) -> None:
         _print(console, animate(Rollout(str(stop), (garment,), written, (model,))).lines())
     console.print("4. Exporting PBNS as a rig")
     _print(console, export(Export("pbns", out / "outfit_rig.glb", motion=str(stop))).lines())
+    console.print("5. Baking a dressed character for the runtime, and playing it in wind")
+    baked = out / "character.glb"
+    _print(console, bake(Bake(("bottoms", "tops"), baked, motion=str(stop))).lines())
+    _print(console, play(Play(baked, out / "character_in_wind.glb", wind=WIND)).lines())
 
 
 def standstill(fps: float) -> int:

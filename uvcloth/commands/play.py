@@ -6,10 +6,11 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from uvcloth.commands.options import EXTRAS, MOTION, MotionFile
+from uvcloth.commands.options import EXTRAS, FABRIC_NAMES, MOTION, MotionFile
 from uvcloth.errors import InputError
 from uvcloth.files.options import NewFile, Source
 from uvcloth.motion.options import MotionOptions
+from uvcloth.physics.fabric import FabricName
 
 PLAYED = (".glb", ".usdc", ".usd", ".pc2", ".abc", ".obj", ".npz")
 """Suffixes of the files that are written."""
@@ -28,6 +29,15 @@ class Play:
     ] = None
     """A motion file or the name of a built-in clip instead of an animation of the file."""
     options: MotionFile = field(default_factory=MotionOptions)
+    wind: Annotated[tuple[float, float, float], arg(metavar="X Y Z")] = (0.0, 0.0, 0.0)
+    """Wind, m/s, along the axes X, Y and Z, which points up. The body does not shield cloth from it."""
+    gravity: float = 9.81
+    """Gravity, m/s2."""
+    fabric: Annotated[
+        tuple[FabricName, ...],
+        arg(metavar=f"{FABRIC_NAMES} ...", help_behavior_hint="(default: those that were baked)"),
+    ] = ()
+    """Weight and stiffness of the garments: one fabric for all, or one for each; friction and drag stay."""
 
     def run(self) -> None:
         """Write the file and say what a frame took. Raises InputError for bad input."""

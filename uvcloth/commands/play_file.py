@@ -1,6 +1,6 @@
 """Baked files that are played: joints of an animation in, moving garments out, without PyTorch."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -11,7 +11,8 @@ from uvcloth.commands.play import Play
 from uvcloth.errors import InputError
 from uvcloth.export.gltf_played import add_played, played_document
 from uvcloth.files.atomic import atomic_write
-from uvcloth.player.baked import BakedFile, JointMotion, open_baked
+from uvcloth.physics.fabric import FabricName, find_fabrics
+from uvcloth.player.baked import FABRIC, BakedFile, JointMotion, open_baked
 from uvcloth.player.outfit import Cloth, Outfit
 
 
@@ -42,7 +43,10 @@ def play(command: Play) -> Played:
         outfit = _outfit(baked)
         motion = _motion(command, baked)
         start = perf_counter()
-        frames = list(_dressed(Cloth(outfit), motion, len(baked.garments)))
+        cloth = Cloth(outfit)
+        cloth.set_world(command.wind, (0.0, 0.0, -command.gravity))
+        _change_fabrics(cloth, baked, command.fabric)
+        frames = list(_dressed(cloth, motion, len(baked.garments)))
         seconds = perf_counter() - start
         garments = [np.stack(parts) for parts in zip(*frames, strict=True)]
         for garment, vertices in zip(baked.garments, garments, strict=True):
@@ -63,6 +67,24 @@ def _outfit(baked: BakedFile) -> Outfit:
         raise baked.file.error(str(error)) from error
     baked.require_fit(outfit.joints, outfit.garments)
     return outfit
+
+
+def _change_fabrics(cloth: Cloth, baked: BakedFile, names: Sequence[FabricName]) -> None:
+    """Change the fabrics of the garments from those that were baked; no names leave them.
+
+    Raises InputError for another number of names, and for a file that does not say what was baked.
+    """
+    if not names:
+        return
+    for index, (garment, fabric) in enumerate(
+        zip(baked.garments, find_fabrics(names, len(baked.garments)), strict=True)
+    ):
+        if not (garment.fabric and min(garment.fabric) > 0.0):
+            raise baked.file.error(f"the file does not say of which fabric {garment.name} was baked")
+        factors = (
+            getattr(fabric, name) / before for name, before in zip(FABRIC, garment.fabric, strict=True)
+        )
+        cloth.set_fabric(index, *factors)
 
 
 def _motion(command: Play, baked: BakedFile) -> JointMotion:

@@ -17,7 +17,7 @@ from uvcloth.export.gltf_scene import GLTF_INFLUENCES, TO_Y_UP, add_influences, 
 from uvcloth.export.gltf_surface import add_surface
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.skinning import strongest
-from uvcloth.player.baked import EXTENSION, VERSION, ClothSkin
+from uvcloth.player.baked import EXTENSION, FABRIC, VERSION, ClothSkin
 from uvcloth.render import GARMENT_COLORS
 
 
@@ -56,16 +56,18 @@ def add_cloth(document: Document, skin: ClothSkin, garments: Sequence[Garment], 
     to_scene = TO_Y_UP.T @ np.linalg.inv(skin.axes)[:3, :3]
     entries = []
     for index, garment in enumerate(garments):
-        vertices = garment.mesh.vertices.new_tensor(garment.mesh.vertices.numpy() @ to_scene.T)
+        points = garment.mesh.vertices.new_tensor(garment.mesh.vertices.numpy() @ to_scene.T)
         color = GARMENT_COLORS[index % len(GARMENT_COLORS)]
-        mesh = replace(garment.mesh, vertices=vertices)
+        mesh = replace(garment.mesh, vertices=points)
         source, primitives = add_surface(document, garment.name, mesh, color)
         joints, weights = strongest(garment.smooth_weights, GLTF_INFLUENCES)
         influences = add_influences(document, joints[source], weights[source], compact=True)
         for primitive in primitives:
             primitive["attributes"] |= influences
         node = document.mesh(garment.name, primitives, skin.skin)
-        entries.append({"node": node, "vertices": document.array(source, "SCALAR", index_type(len(source)))})
+        vertices = document.array(source, "SCALAR", index_type(len(source)))
+        fabric = [getattr(garment.fabric, name) for name in FABRIC]
+        entries.append({"node": node, "vertices": vertices, "fabric": fabric})
     extension = {
         "version": VERSION,
         "bufferView": document.content(content),

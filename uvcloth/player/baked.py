@@ -22,12 +22,23 @@ from uvcloth.player.gltf_file import GltfFile, one_line, read_glb
 
 EXTENSION, VERSION = "UVCLOTH_cloth", 1
 
+FABRIC = ("density", "stretch", "bend")
+"""Numbers of a garment's fabric: kg/m2, N/m and N m."""
+
 SCHEMA = {
     "bufferView": Needed(Index("bufferViews")),
     "skin": Needed(Index("skins")),
     "axes": Needed(Numbers(16)),
     "joints": Needed([str]),
-    "garments": Needed([{"node": Needed(Index("nodes")), "vertices": Needed(Index("accessors"))}]),
+    "garments": Needed(
+        [
+            {
+                "node": Needed(Index("nodes")),
+                "vertices": Needed(Index("accessors")),
+                "fabric": Numbers(len(FABRIC)),
+            }
+        ]
+    ),
 }
 """Entries of the extension, besides its version."""
 
@@ -71,12 +82,13 @@ class BakedGarment:
     """A garment of a baked file.
 
     name, node: of its mesh. vertices: (M,) the runtime's vertex of each vertex of the mesh; those on seams
-    occur in it more than once.
+    occur in it more than once. fabric: the numbers of FABRIC that it was baked with, where the file has them.
     """
 
     name: str
     node: int
     vertices: np.ndarray
+    fabric: tuple[float, ...] = ()
 
     @property
     def size(self) -> int:
@@ -224,4 +236,4 @@ def _garment(file: GltfFile, entry: dict[str, Any]) -> BakedGarment:
         count = 0 if position is None else file.entries("accessors")[position]["count"]
         if count != len(vertices):
             raise file.error(f"the mesh of {name} has {count} vertices, its cloth {len(vertices)}")
-    return BakedGarment(name, entry["node"], vertices.astype(np.int64))
+    return BakedGarment(name, entry["node"], vertices.astype(np.int64), tuple(entry.get("fabric", ())))

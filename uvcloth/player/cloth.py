@@ -15,6 +15,9 @@ from uvcloth.player.sections import pack
 Floats = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
+GRAVITY = (0.0, 0.0, -9.81)
+"""m/s2."""
+
 
 @dataclass(frozen=True)
 class Pairs:
@@ -61,7 +64,7 @@ class MotionFields(ctypes.Structure):
             for name in ("body_start", "body_end", "target_start", "target_end", "pull", "damping")
         ),
         ("acceleration", ctypes.c_void_p),
-        ("drift", ctypes.c_float * 3),
+        *((name, ctypes.c_float * 3) for name in ("drift", "gravity")),
         *((name, ctypes.c_float) for name in ("seconds", "radius", "self_radius", "self_margin", "reach")),
         *((name, ctypes.c_int32) for name in ("substeps", "interval", "body_interval", "hinge_interval")),
         *((name, ctypes.c_int32) for name in ("frame", "renewal", "self_contact")),
@@ -103,7 +106,7 @@ class ClothSolver:
         places, speeds = positions.copy(), velocities.copy()
         faces, clear = searched.faces.copy(), searched.clear.copy()
         motion = MotionFields(**numbers)
-        motion.drift = (ctypes.c_float * 3)(*drift)
+        motion.drift, motion.gravity = (ctypes.c_float * 3)(*drift), (ctypes.c_float * 3)(*GRAVITY)
         kept = {name: np.ascontiguousarray(a, np.float32) for name, a in arrays.items() if a is not None}
         for name, array in kept.items():
             setattr(motion, name, pointer(array))
@@ -158,6 +161,11 @@ class Elastic:
         """
         content = pack(sections)
         self._handle = read_outfit(self, content, "uvc_read_elastic", "uvc_free_elastic", vertices)
+
+    def stable_step(self, mass: Floats, rest: Floats) -> float:
+        """Longest stable step, s, of the solver for cloth of mass (N,) kg at rest (N, 3) m."""
+        masses, points = (np.ascontiguousarray(each, np.float32) for each in (mass, rest))
+        return float(library().uvc_stable_step(self._handle, pointer(masses), pointer(points)))
 
     def add_forces(
         self, positions: Floats, velocities: Floats, forces: Floats, wind: Floats | None = None

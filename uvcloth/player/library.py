@@ -1,7 +1,7 @@
 """The compiled runtime, loaded once: on x86-64 the one of two libraries that the processor runs faster."""
 
 import sys
-from ctypes import CDLL, c_int, c_int64, c_size_t, c_void_p
+from ctypes import CDLL, c_float, c_int, c_int64, c_size_t, c_void_p
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "uvc_saved_size": (c_size_t, c_void_p),
     "uvc_clearing_memory": (c_size_t, c_void_p),
     "uvc_make_pairs": (c_void_p,),
+    "uvc_stable_step": (c_float, c_void_p, c_void_p, c_void_p),
     "uvc_encode_numbers": (c_int64, c_void_p, c_int64, c_int64, c_int64, c_int64, c_void_p, c_int64),
     "uvc_decode_numbers": (c_int64, c_void_p, c_int64, c_void_p, c_int64, c_int64, c_int64, c_int64),
     "uvc_encode_section": (c_int64, c_void_p, c_int, c_int, c_void_p, c_int64),

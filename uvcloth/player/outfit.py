@@ -2,11 +2,13 @@
 
 import ctypes
 import weakref
-from typing import Self
+from collections.abc import Sequence
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uvcloth.player.cloth import GRAVITY
 from uvcloth.player.handles import MESSAGE_ROOM, pointer, read_outfit
 from uvcloth.player.library import library
 
@@ -71,6 +73,26 @@ class Cloth:
         assert places.shape == (self.outfit.cages, 3)
         library().uvc_pull(self._handle, pointer(places), ctypes.c_double(rate))
 
+    def set_world(self, wind: Sequence[float] = (0.0, 0.0, 0.0), gravity: Sequence[float] = GRAVITY) -> None:
+        """Set wind (3,) m/s and gravity (3,) m/s2, in the world of the joints, for all later steps.
+
+        The body does not shield cloth from wind. Raises ValueError with the runtime's sentence for more than
+        100 of either.
+        """
+        both = [np.array(each, np.float64) for each in (wind, gravity)]
+        assert all(each.shape == (3,) for each in both)
+        self._call(library().uvc_set_world, *map(pointer, both))
+
+    def set_fabric(self, garment: int, density: float = 1.0, stretch: float = 1.0, bend: float = 1.0) -> None:
+        """Change the fabric of a garment, by factors on what was baked, from 0.01 to 100.
+
+        density: of its weight per area. stretch, bend: of its stiffness in the plane and in bending. Frames
+        get as many substeps as the new fabric needs. Raises ValueError with the runtime's sentence for other
+        factors.
+        """
+        factors = (ctypes.c_double(each) for each in (density, stretch, bend))
+        self._call(library().uvc_set_fabric, range(len(self.outfit.garments))[garment], *factors)
+
     def save(self) -> NDArray[np.uint8]:
         """Bytes of all that the cloth remembers."""
         content = np.empty(library().uvc_saved_size(self._handle), np.uint8)
@@ -101,6 +123,9 @@ class Cloth:
             raise ValueError(
                 f"transforms of {self.outfit.joints} joints (J, 3, 4) were expected, not {rows.shape}"
             )
+        self._call(function, pointer(rows), *more)
+
+    def _call(self, function: "ctypes._NamedFuncPointer", *arguments: Any) -> None:
         message = ctypes.create_string_buffer(MESSAGE_ROOM)
-        if not function(self._handle, pointer(rows), *more, message, ctypes.c_size_t(MESSAGE_ROOM)):
+        if not function(self._handle, *arguments, message, ctypes.c_size_t(MESSAGE_ROOM)):
             raise ValueError(message.value.decode())
