@@ -134,8 +134,9 @@ bool step(const Solver &solver, const uvc_motion &motion, Vec *positions, Vec *v
         if (substep % motion.interval == 0 && !stays_together(positions, velocities, vertices)) return false;
         if (motion.self_contact) {
             if (substep % motion.interval == 0) {
-                find_pairs(solver.sheet, positions, velocities, motion.self_radius + motion.self_margin,
-                           step * (float)motion.interval, contact);
+                if (!find_pairs(solver.sheet, positions, velocities, motion.self_radius + motion.self_margin,
+                                step * (float)motion.interval, contact))
+                    return false;
                 if (any_caught) drop_caught(solver.sheet, collider, caught.data, contact);
             }
             resolve_pairs(solver.sheet, contact, positions, velocities, solver.particles, motion.self_radius,
