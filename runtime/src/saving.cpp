@@ -38,6 +38,8 @@ void walk_over(Character &character, Walk &walk) {
     walk.one(is_started);
     character.is_started = is_started == 1;
     walk.one(character.place);
+    walk.one(character.root);
+    walk.one(character.spin);
     walk.one(character.steps);
     walk.one(character.solved);
     walk.one(character.rate);
@@ -105,6 +107,8 @@ bool is_whole(const Character &c) {
     all = all && *c.memory.frame >= 0 && *c.memory.frame <= MOST_STEPS;
     all = all && is_finite({c.place.cosine, c.place.sine, c.rate}) && is_finite(c.place.origin);
     all = all && is_finite(c.origin) && is_finite(c.drift) && is_finite(c.shown_origin);
+    all = all && is_finite(c.root.shift) && uvc::is_finite(c.spin);
+    for (const auto &row : c.root.turn.at) all = all && is_finite(Vec64{row[0], row[1], row[2]});
     for (Vec64 point : c.guide) all = all && is_finite(point);
     all = all && are_finite(c.positions) && are_finite(c.velocities) && are_finite(c.targets);
     all = all && are_finite(c.body) && are_finite(c.shown);
