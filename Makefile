@@ -46,14 +46,21 @@ $(INSTALLED): pyproject.toml setup.py constraints.txt
 
 # Runs the runtime's own tests, in which every access to memory and every overflow is watched.
 SANITIZED := build/sanitized
-SANITIZE = $(CXX) -std=c++20 -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -fno-exceptions \
-	-fno-rtti -Wall -Wextra -Wno-psabi -Iruntime/include -Iruntime/src
+SANITIZE = $(CXX) -std=c++20 -O1 -g -fsanitize=address,undefined,float-cast-overflow \
+	-fno-sanitize-recover=all -fno-exceptions -fno-rtti -Wall -Wextra -Wno-psabi -Iruntime/include -Iruntime/src
 HEADERS := $(wildcard runtime/include/*.h runtime/src/*.h)
 OBJECTS := $(patsubst runtime/src/%.cpp,$(SANITIZED)/%.o,$(wildcard runtime/src/*.cpp))
 CHECKS := $(patsubst runtime/tests/%.cpp,$(SANITIZED)/%,$(wildcard runtime/tests/*.cpp))
 
-sanitize: $(CHECKS)
-	@for check in $(CHECKS); do echo $$check; $$check || exit 1; done
+# What test_outfit makes its mutants of.
+SMALL := $(SANITIZED)/outfit $(SANITIZED)/motion
+
+sanitize: $(CHECKS) $(SMALL)
+	@for check in $(CHECKS); do echo $$check; $$check $(SMALL) || exit 1; done
+
+$(SMALL) &: tests/player/small_outfit.py | install
+	@mkdir -p $(SANITIZED)
+	$(BIN)/python -m tests.player.small_outfit $(SMALL)
 
 $(SANITIZED)/%.o: runtime/src/%.cpp $(HEADERS)
 	@mkdir -p $(@D)

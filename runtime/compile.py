@@ -2,8 +2,10 @@
 
 `pip install` and `make install` run it. On x86-64 there are two libraries, of which the player takes the one
 that the processor runs faster. What has not changed is not compiled again.
+`python runtime/compile.py --wasm OUT` writes a module for WebAssembly instead.
 """
 
+import argparse
 import hashlib
 import os
 import platform
@@ -23,6 +25,9 @@ PACKAGE = HERE.parent / "uvcloth" / "player"
 
 ZIGLANG = "ziglang==0.17.1"
 """What is installed to compile where the system has no compiler, and for wheels of other systems."""
+
+ZIG = (sys.executable, "-m", "ziglang", "cc")
+"""Command of its compiler of C, which compiles C++ too and does not link the library of C++."""
 
 FLAGS = (
     *("-std=c++20", "-O3", "-fPIC", "-fvisibility=hidden"),
@@ -53,6 +58,9 @@ TARGETS = {
 }
 """Systems that wheels are built for, by the platform in the wheel's name."""
 
+WASM = ("-mexec-model=reactor", "-s", "-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free")
+"""Flags that link a module whose host calls the functions of uvcloth.h."""
+
 
 def this_system() -> Target:
     """The system that runs this."""
@@ -80,8 +88,7 @@ def compile_runtime(folder: Path = PACKAGE, system: str | None = None) -> None:
     command = [] if system else system_compiler()
     by_zig = not command
     if by_zig:
-        # Its compiler of C compiles C++ too, and does not link the library of C++.
-        command = [sys.executable, "-m", "ziglang", "cc", *(["-target", target.zig] if target.zig else [])]
+        command = [*ZIG, *(["-target", target.zig] if target.zig else [])]
     # Zig writes the names of processors in its own way.
     march = {
         name: [f"-march={processor.replace('-', '_') if by_zig else processor}"] if processor else []
@@ -91,7 +98,20 @@ def compile_runtime(folder: Path = PACKAGE, system: str | None = None) -> None:
         objects = _compile([*command, *flags, *FLAGS], sorted(HERE.glob("src/*.cpp")))
         # For every processor that it links for, zig compiles the system's libraries: for minutes on Windows.
         stripped = ["-s"] if by_zig else []
-        _link([*command, *march[""], *stripped], objects, folder / f"libuvcloth{name}{target.suffix}")
+        _link(
+            [*command, *march[""], *stripped, "-shared"], objects, folder / f"libuvcloth{name}{target.suffix}"
+        )
+
+
+def compile_wasm(module: Path) -> None:
+    """Compile the runtime, by zig, into a WebAssembly module with 128-bit vectors; its host gives it WASI.
+
+    Raises SystemExit, after what the compiler says, if it fails.
+    """
+    command = [*ZIG, "-target", "wasm32-wasi", "-msimd128"]
+    # Code that runs at any address would look functions up in a table.
+    flags = [flag for flag in FLAGS if flag != "-fPIC"]
+    _link([*command, *WASM], _compile([*command, *flags], sorted(HERE.glob("src/*.cpp"))), module)
 
 
 def _compile(command: Sequence[str], sources: Sequence[Path]) -> list[Path]:
@@ -122,7 +142,7 @@ def _link(command: Sequence[str], objects: Sequence[Path], library: Path) -> Non
     # A folder of its own, since linkers for Windows write a file beside the library.
     begun = OBJECTS / f"linked-{os.getpid()}" / library.name
     begun.parent.mkdir(exist_ok=True)
-    _run([*command, "-shared", *needed, *objects, "-o", begun])
+    _run([*command, *needed, *objects, "-o", begun])
     moved = library.with_name(f"{library.name}.{os.getpid()}")
     shutil.move(begun, moved)
     moved.replace(library)
@@ -138,6 +158,12 @@ def _run(command: Sequence[str | Path]) -> None:
 
 
 if __name__ == "__main__":
-    if missing := [name for name in requirements() if find_spec("ziglang") is None]:
-        subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", *missing], check=True)
-    compile_runtime()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--wasm", type=Path, metavar="OUT", help="a module for WebAssembly to write")
+    module = parser.parse_args().wasm
+    if (module or requirements()) and find_spec("ziglang") is None:
+        subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", ZIGLANG], check=True)
+    if module:
+        compile_wasm(module)
+    else:
+        compile_runtime()

@@ -14,9 +14,13 @@ constexpr double GRAVITY = 9.81;
 // energy.
 constexpr float HOLD_DAMPING = 0.7f, PULL_DAMPING = 0.3f;
 
-// Greatest speed of a body, m/s, relative to the mean of the cloth, and greatest change of the speed of that in a
-// frame, that can be followed.
+// Greatest speed of a body, m/s, relative to the mean of the cloth, and greatest change of that mean's speed in
+// a frame, that can be followed.
 constexpr float FASTEST_BODY = 40.0f;
+
+// Change of a root's speed in a frame, m/s, and speed of its turn, radians/s, above which it jumps. In mocap they
+// are below 7.5 and 37.
+constexpr double JUMP_SPEED = 10, JUMP_TURN = 45;
 
 // Times that a frame is repeated, each with twice the substeps.
 constexpr int RETRIES = 2;
@@ -166,8 +170,8 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
     }
     Vec64 change = next.drift - character.drift;
     float jump = (float)__builtin_sqrt(dot(change, change));
-    if (character.steps > 1 && !(jump <= FASTEST_BODY)) {
-        failure.say("the body jumps, by %d m/s in a frame, the limit is %d m/s: start the cloth again",
+    if (!(jump <= FASTEST_BODY)) {
+        failure.say("the cloth jumps, by %d m/s in a frame, the limit is %d m/s: start it again",
                     (int)least(1e9f, jump), (int)FASTEST_BODY);
         return false;
     }
@@ -282,6 +286,21 @@ bool are_places(const Rigid *joints, int count, Failure &failure) {
     return true;
 }
 
+// Puts all that a character remembers elsewhere in the world; what pulls it stays where it is there.
+void change_place(Character &character, const Place &place) {
+    bring_back(character.place, character.guide.data, character.guide.size);
+    character.place = place;
+    for (Vec64 &point : character.guide) point = brought_in(place, point);
+}
+
+// Whether the root goes on as no body does.
+bool jumps(const Character &character, const Rigid &root, float seconds) {
+    Vec64 head = character.outfit.skeleton.heads[0];
+    Vec64 way = taken(root, head) - taken(character.root, head) - (double)seconds * character.drift;
+    double angle = angle_between(character.root, root);
+    return !(__builtin_sqrt(dot(way, way)) <= JUMP_SPEED * seconds && angle <= JUMP_TURN * seconds);
+}
+
 void forget(Character &character) {
     const Outfit &outfit = character.outfit;
     int rows = outfit.solver.collider.parts * character.positions.size;
@@ -296,7 +315,7 @@ void forget(Character &character) {
 }  // namespace
 
 Character::Character(const Outfit &outfit)
-    : outfit(outfit), is_started(false), place{1, 0, {}}, steps(0), solved(0), rate(0), wind{},
+    : outfit(outfit), is_started(false), place{1, 0, {}}, root{}, spin(0), steps(0), solved(0), rate(0), wind{},
       gravity{0, 0, -GRAVITY}, origin{}, drift{}, shown_origin{} {
     int cages = outfit.cages.vertices(), rows = outfit.solver.collider.parts * cages;
     guide = arena.take<Vec64>(cages);
@@ -322,11 +341,10 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
     Arena &work = character.scratch;
     Scope scope(work);
     Array<Rigid> transforms = work.copy(joints, count), way = work.take<Rigid>(count);
-    Place before = character.place;
-    character.place = place_of(joints[0], skeleton.heads[0]);
-    bring_back(before, character.guide.data, character.guide.size);
-    for (Vec64 &point : character.guide) point = brought_in(character.place, point);
+    change_place(character, place_of(joints[0], skeleton.heads[0]));
     bring_in(character.place, transforms.data, count);
+    character.root = transforms[0];
+    character.spin = 0;
     forget(character);
     character.is_started = false;
     Pose pose = read_pose(skeleton, transforms.data, work);
@@ -384,12 +402,29 @@ bool step(Character &character, const Rigid *joints, float seconds, Failure &fai
     Scope scope(work);
     Array<Rigid> transforms = work.copy(joints, count);
     bring_in(character.place, transforms.data, count);
+    Place place = character.place;
+    Array<Vec64> guide = work.copy(character.guide);
+    bool is_jump = is_finite(seconds) && jumps(character, transforms[0], seconds);
+    if (is_jump) {
+        Vec64 way = (double)seconds * character.drift, head = character.outfit.skeleton.heads[0];
+        double angle = seconds * character.spin;
+        change_place(character, after_jump(place, character.root, transforms[0], head, way, angle));
+        transforms = work.copy(joints, count);
+        bring_in(character.place, transforms.data, count);
+    }
     pose_all(character, transforms.data, character.posed);
     Next next;
-    if (!solve(character, seconds, work, next, failure)) return false;
+    if (!solve(character, seconds, work, next, failure)) {
+        character.place = place;
+        memcpy(character.guide.data, guide.data, sizeof(Vec64) * (size_t)guide.size);
+        return false;
+    }
     accept(character, next);
+    character.spin = heading_between(character.root, transforms[0]) / seconds;
+    character.root = transforms[0];
     carry(character);
-    character.steps++;
+    // The run that a clip may start in is not known before a frame without a jump.
+    if (!is_jump || character.steps != 1) character.steps++;
     return true;
 }
 

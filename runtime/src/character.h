@@ -20,9 +20,10 @@ struct Fabric {
 
 // All that a character's cloth remembers; everything is in the frame of `place`, that of the first root.
 //
-// steps: since the start; solved: frames that were solved. guide: (n) m, and rate, 1/s: what pulls the cages,
-// if the rate is not 0. wind, m/s, and gravity, m/s2, are in the world. fabrics: (G); material: what they make of
-// the outfit's; needed: substeps a second. origin: mean of the cages' targets, m;
+// root: transform of the first joint in the last pose that the cloth could follow; spin: radians/s, its turning
+// about the vertical. steps: since the start; solved: frames that were solved. guide: (n) m, and rate, 1/s: what
+// pulls the cages, if the rate is not 0. wind, m/s, and gravity, m/s2, are in the world. fabrics: (G); material:
+// what they make of the outfit's; needed: substeps a second. origin: mean of the cages' targets, m;
 // drift: m/s, its velocity. positions, m, and velocities, m/s, of the cloth (n), targets (n) and collider (C)
 // are around that origin. memory: of the clearing. shown: (U) points around shown_origin; `posed` is of the last
 // pose that was asked for, shown of the last that the cloth could follow. fabric_memory:
@@ -31,6 +32,8 @@ struct Character {
     const Outfit &outfit;
     bool is_started;
     Place place;
+    Rigid root;
+    double spin;
     int steps, solved;
     float rate;
     Vec64 wind, gravity, origin, drift, shown_origin;
@@ -58,6 +61,9 @@ bool set_world(Character &character, Vec64 wind, Vec64 gravity, Failure &failure
 // Changes the fabric of a garment. Returns false, with a sentence, for factors that no fabric has.
 bool set_fabric(Character &character, int garment, Fabric fabric, Failure &failure);
 
+// Whether the wind, the gravity and the fabrics are those that could be set.
+bool could_be_set(const Character &character);
+
 // Makes the material of the fabrics anew.
 void renew_material(Character &character);
 
@@ -66,9 +72,9 @@ void renew_material(Character &character);
 // sentence, for joints that are not finite, or cloth that cannot rest.
 bool start(Character &character, const Rigid *joints, Failure &failure);
 
-// Moves cloth to the next frame of so many seconds, and clears the garments that follow it. Returns false, with
-// a sentence, and leaves the cloth as it was, for joints that are not finite, a body that is too fast, or
-// cloth that flies apart.
+// Moves cloth to the next frame of so many seconds, and clears the garments that follow it. Where the root jumps,
+// the cloth is carried along. Returns false, with a sentence, and leaves the cloth as it was, for joints that are
+// not finite, a body that is too fast, or cloth that flies apart.
 bool step(Character &character, const Rigid *joints, float seconds, Failure &failure);
 
 // Bytes of all that a character's cloth remembers now.

@@ -80,11 +80,11 @@ void read_clearing(const Sections &sections, Clearing &clearing, Failure &failur
     Array<float> rest = read_floats(sections, "fine.rest", -1, 3, arena, failure);
     int vertices = rest.size / 3;
     clearing.rest = {reinterpret_cast<Vec *>(rest.data), vertices};
-    Array<int32_t> faces = read_indices(sections, "fine.faces", -1, 3, 0, vertices, arena, failure);
+    Array<int32_t> faces = read_faces(sections, "fine.faces", vertices, arena, failure);
     clearing.thickness = read_floats(sections, "fine.thickness", vertices, 1, arena, failure);
     Array<float> skin = read_floats(sections, "skin.rest", -1, 3, arena, failure);
     int points = skin.size / 3;
-    Array<int32_t> skin_faces = read_indices(sections, "skin.faces", -1, 3, 0, points, arena, failure);
+    Array<int32_t> skin_faces = read_faces(sections, "skin.faces", points, arena, failure);
     Array<int32_t> corners = read_indices(sections, "covered.corners", -1, 3, 0, points, arena, failure);
     Array<float> weights = read_floats(sections, "covered.weights", corners.size / 3, 3, arena, failure);
     if (!failure.failed && clearing.collider.touches.size != vertices)

@@ -125,7 +125,7 @@ Collider read_collider(const Sections &sections, const char *touches, const char
     Collider collider{};
     Array<float> rest = read_floats(sections, "collider.rest", -1, 3, arena, failure);
     int vertices = rest.size / 3;
-    Array<int32_t> corners = read_indices(sections, "collider.faces", -1, 3, 0, vertices, arena, failure);
+    Array<int32_t> corners = read_faces(sections, "collider.faces", vertices, arena, failure);
     collider.starts = read_integers(sections, "collider.starts", -1, 1, arena, failure);
     int faces = corners.size / 3, parts = most(collider.starts.size - 1, 0);
     collider.starts = read_starts(sections, "collider.starts", parts, faces, arena, failure);

@@ -7,8 +7,8 @@ namespace uvc {
 
 namespace {
 
-// Most faces of a collider, so that damaged caps fill no memory.
-constexpr int MOST_FACES = 1 << 22;
+// Most parts, and most faces of a collider, so that damaged caps fill no memory.
+constexpr int MOST_PARTS = 31, MOST_FACES = 1 << 22;
 
 struct Parts {
     int count;
@@ -19,6 +19,8 @@ Parts read_parts(const Sections &sections, int faces, int caps, Arena &arena, Fa
     Parts parts{};
     parts.met = read_indices(sections, "parts.met", -1, 1, 0, 2, arena, failure);
     parts.count = parts.met.size;
+    if (parts.count > MOST_PARTS)
+        failure.say("the body has %d parts, at most %d are possible", parts.count, MOST_PARTS);
     parts.faces = read_indices(sections, "parts.faces", -1, 1, 0, faces, arena, failure);
     parts.starts = read_starts(sections, "parts.starts", parts.count, parts.faces.size, arena, failure);
     parts.caps = read_indices(sections, "parts.caps", -1, 1, 0, caps, arena, failure);

@@ -19,6 +19,10 @@ bool is_weak(Vec64 vector) { return dot(vector, vector) <= STRONGEST * STRONGEST
 
 bool is_factor(float number) { return number >= LEAST_FACTOR && number <= GREATEST_FACTOR; }
 
+bool has_factors(Fabric fabric) {
+    return is_factor(fabric.density) && is_factor(fabric.stretch) && is_factor(fabric.bend);
+}
+
 bool is_baked(Fabric fabric) { return fabric.density == 1 && fabric.stretch == 1 && fabric.bend == 1; }
 
 void multiply(Array<float> numbers, Array<int32_t> corners, const Character &character, float Fabric::*factor) {
@@ -63,6 +67,12 @@ void renew_material(Character &character) {
     character.needed *= before / after;
 }
 
+bool could_be_set(const Character &character) {
+    bool all = is_weak(character.wind) && is_weak(character.gravity);
+    for (Fabric fabric : character.fabrics) all = all && has_factors(fabric);
+    return all;
+}
+
 bool set_world(Character &character, Vec64 wind, Vec64 gravity, Failure &failure) {
     if (!is_weak(wind) || !is_weak(gravity)) {
         failure.say("wind of more than %d m/s, or gravity of more than %d m/s2", (int)STRONGEST, (int)STRONGEST);
@@ -78,7 +88,7 @@ bool set_fabric(Character &character, int garment, Fabric fabric, Failure &failu
         failure.say("there is no garment %d, the outfit has %d", garment, character.fabrics.size);
         return false;
     }
-    if (!is_factor(fabric.density) || !is_factor(fabric.stretch) || !is_factor(fabric.bend)) {
+    if (!has_factors(fabric)) {
         failure.say("a factor on the fabric of garment %d is not between 0.01 and 100", garment);
         return false;
     }

@@ -85,9 +85,13 @@ Layers read_layers(const Sections &sections, Array<Vec> rest, Array<Face> faces,
     layers.inner = read_indices(sections, "layers.inner", pairs, 1, 0, garments, arena, failure);
     layers.touches = read_integers(sections, "layers.touches", rest.size, 1, arena, failure);
     if (failure.failed) return {};
-    for (int pair = 0; pair < pairs; pair++)
-        if (layers.inner[pair] >= layers.outer[pair] || (pair && layers.outer[pair] < layers.outer[pair - 1]))
+    for (int pair = 0; pair < pairs; pair++) {
+        int outer = layers.outer[pair], inner = layers.inner[pair], before = most(pair - 1, 0);
+        bool comes_later = outer > layers.outer[before] ||
+                           (outer == layers.outer[before] && inner > layers.inner[before]);
+        if (inner >= outer || (pair && !comes_later))
             failure.say("pair %d of section layers.outer of the outfit is not in order", pair);
+    }
     layers.face_starts = first_faces(layers.starts, faces, arena);
     if (!layers.face_starts.size) failure.say("section fine.faces of the outfit mixes garments");
     if (failure.failed) return {};

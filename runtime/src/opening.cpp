@@ -171,7 +171,7 @@ void read_opening(const Sections &sections, int vertices, Opening &opening, Aren
     Arena work;
     opening.vertices = vertices;
     Array<Vec> rest = read_skin_rest(sections, vertices, work, failure);
-    Array<int32_t> corners = read_indices(sections, "opening.faces", -1, 3, 0, rest.size, work, failure);
+    Array<int32_t> corners = read_faces(sections, "opening.faces", rest.size, work, failure);
     Array<Face> faces{reinterpret_cast<Face *>(corners.data), corners.size / 3};
     Array<float> clear = read_floats(sections, "opening.clear", vertices, 1, work, failure);
     float reach = read_number(sections, "opening.reach", failure);

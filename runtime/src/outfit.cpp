@@ -7,6 +7,10 @@ namespace uvc {
 
 namespace {
 
+// Most substeps a second, somewhat more than the 60,000 above which cloth is not baked, and longest of the
+// distances, m, of contact: with more, a frame would take for ever.
+constexpr float MOST_NEEDED = 65536, LONGEST_DISTANCE = 0.2f;
+
 SolverSettings read_settings(const Sections &sections, Failure &failure) {
     SolverSettings settings{};
     settings.needed = read_number(sections, "settings.needed", failure);
@@ -17,8 +21,12 @@ SolverSettings read_settings(const Sections &sections, Failure &failure) {
     settings.interval = read_number(sections, "settings.interval", failure);
     settings.renewal = (int)clamp(read_number(sections, "settings.renewal", failure), 1, 1000);
     settings.hinge_interval = (int)clamp(read_number(sections, "settings.hinge_interval", failure), 1, 16);
-    if (!(settings.needed > 0 && settings.needed < 1e6f && settings.interval > 0))
+    if (!(settings.needed > 0 && settings.needed <= MOST_NEEDED && settings.interval > 0))
         failure.say("the settings of the outfit leave no time step");
+    const float distances[] = {settings.radius, settings.self_radius, settings.self_margin, settings.reach};
+    for (float distance : distances)
+        if (!(distance >= 0 && distance <= LONGEST_DISTANCE))
+            failure.say("a distance of contact in the settings of the outfit is not from 0 to 0.2 m");
     return settings;
 }
 
@@ -74,7 +82,7 @@ void read_outfit(const Sections &stored, Outfit &outfit, Failure &failure) {
     int cages = outfit.cages.vertices(), points = outfit.points.vertices();
     int numbers = 3 * outfit.body.vertices();
     outfit.shapes = read_floats(sections, "outfit.shapes", -1, numbers, arena, failure);
-    if (outfit.shapes.size && outfit.shapes.size != 9 * (joints - 1) * numbers)
+    if (outfit.shapes.size && outfit.shapes.size != 9 * (int64_t)(joints - 1) * numbers)
         failure.say("section outfit.shapes of the outfit has not nine rows for each joint but the root");
     Array<int32_t> tips = read_integers(sections, "caps.tips", -1, 1, arena, failure);
     int vertices = outfit.body.vertices() + tips.size;

@@ -12,8 +12,8 @@ struct Walk {
     size_t size = 0;
 
     void over(void *place, size_t count) {
-        if (mode == SAVE) memcpy(bytes + size, place, count);
-        if (mode == RESTORE) memcpy(place, bytes + size, count);
+        if (mode == SAVE && count) memcpy(bytes + size, place, count);
+        if (mode == RESTORE && count) memcpy(place, bytes + size, count);
         size += count;
     }
     template <class T> void one(T &value) { over(&value, sizeof(T)); }
@@ -34,8 +34,12 @@ void walk_over(Character &character, Walk &walk) {
     Header header = header_of(character);
     int rows = character.outfit.solver.collider.parts * header.cages;
     walk.one(header);
-    walk.one(character.is_started);
+    int32_t is_started = character.is_started;
+    walk.one(is_started);
+    character.is_started = is_started == 1;
     walk.one(character.place);
+    walk.one(character.root);
+    walk.one(character.spin);
     walk.one(character.steps);
     walk.one(character.solved);
     walk.one(character.rate);
@@ -56,6 +60,68 @@ void walk_over(Character &character, Walk &walk) {
     walk.over(character.memory.frame, memory_size(character.outfit.clearing));
     walk.all(character.contact.points.items);
     walk.all(character.contact.edges.items);
+}
+
+size_t pairs_size(const Header &header) {
+    return sizeof(PointPair) * (size_t)header.point_pairs + sizeof(EdgePair) * (size_t)header.edge_pairs;
+}
+
+// Reads bytes of the size that their header asks for.
+void copy_in(Character &character, const Header &header, const uint8_t *bytes) {
+    character.contact.points.clear();
+    character.contact.edges.clear();
+    for (int k = 0; k < header.point_pairs; k++) character.contact.points.add({});
+    for (int k = 0; k < header.edge_pairs; k++) character.contact.edges.add({});
+    Walk walk{Walk::RESTORE, const_cast<uint8_t *>(bytes)};
+    walk_over(character, walk);
+}
+
+// Most steps that cloth remembers: half of those that can be counted, so that more of them can follow.
+constexpr int MOST_STEPS = 1 << 30;
+
+bool is_finite(Vec64 a) { return uvc::is_finite(a.x) && uvc::is_finite(a.y) && uvc::is_finite(a.z); }
+
+bool are_finite(Array<Vec> vectors) {
+    bool all = true;
+    for (Vec a : vectors) all = all && is_finite(wide(a));
+    return all;
+}
+
+bool are_indices(const int32_t *numbers, int count, int low, int high) {
+    bool all = true;
+    for (int k = 0; k < count; k++) all = all && numbers[k] >= low && numbers[k] < high;
+    return all;
+}
+
+// Whether pairs are of two things that there are so many of.
+template <class Pair> bool are_pairs(Array<Pair> pairs, int firsts, int seconds) {
+    bool all = true;
+    for (const Pair &pair : pairs)
+        all = all && are_indices(&pair.two.first, 1, 0, firsts) && are_indices(&pair.two.second, 1, 0, seconds);
+    return all;
+}
+
+// Whether a character can go on from what was read: bytes of its size may be those of anything.
+bool is_whole(const Character &c) {
+    const Outfit &outfit = c.outfit;
+    const Sheet &sheet = outfit.solver.sheet;
+    const Collider &collider = outfit.solver.collider, &cleared = outfit.clearing.collider;
+    bool all = c.steps >= 0 && c.steps <= MOST_STEPS && c.solved >= 0 && c.solved <= MOST_STEPS;
+    all = all && *c.memory.frame >= 0 && *c.memory.frame <= MOST_STEPS;
+    all = all && is_finite({c.place.cosine, c.place.sine, c.rate}) && is_finite(c.place.origin);
+    all = all && is_finite(c.origin) && is_finite(c.drift) && is_finite(c.shown_origin);
+    all = all && is_finite(c.root.shift) && uvc::is_finite(c.spin);
+    for (const auto &row : c.root.turn.at) all = all && is_finite(Vec64{row[0], row[1], row[2]});
+    all = all && could_be_set(c);
+    for (Vec64 point : c.guide) all = all && is_finite(point);
+    all = all && are_finite(c.positions) && are_finite(c.velocities) && are_finite(c.targets);
+    all = all && are_finite(c.body) && are_finite(c.shown);
+    all = all && are_finite({c.memory.cloth, c.shown.size}) && are_finite({c.memory.body, c.body.size});
+    int rows = collider.parts * c.positions.size, cleared_rows = cleared.parts * c.shown.size;
+    all = all && are_indices(c.searched.faces, rows, -1, collider.surface.faces.size);
+    all = all && are_indices(c.memory.searched.faces, cleared_rows, -1, cleared.surface.faces.size);
+    return all && are_pairs(c.contact.points.items, c.positions.size, sheet.surface.faces.size) &&
+           are_pairs(c.contact.edges.items, sheet.edges.size, sheet.edges.size);
 }
 
 // Counting and saving change nothing.
@@ -81,16 +147,20 @@ bool restore(Character &character, const uint8_t *bytes, size_t size) {
     if (header.cages != own.cages || header.points != own.points || header.collider != own.collider ||
         header.point_pairs < 0 || header.edge_pairs < 0)
         return false;
-    size_t pairs = sizeof(PointPair) * (size_t)header.point_pairs + sizeof(EdgePair) * (size_t)header.edge_pairs;
-    character.contact.points.clear();
-    character.contact.edges.clear();
-    if (size != saved_size(character) + pairs) return false;
-    for (int k = 0; k < header.point_pairs; k++) character.contact.points.add({});
-    for (int k = 0; k < header.edge_pairs; k++) character.contact.edges.add({});
-    Walk walk{Walk::RESTORE, const_cast<uint8_t *>(bytes)};
-    walk_over(character, walk);
-    renew_material(character);
-    return true;
+    size_t expected = saved_size(character) - pairs_size(own) + pairs_size(header);
+    if (size != expected) return false;
+    Arena work;
+    Array<uint8_t> before = work.take<uint8_t>((int)saved_size(character));
+    Array<Fabric> fabrics = work.copy(character.fabrics);
+    save(character, before.data);
+    copy_in(character, header, bytes);
+    if (is_whole(character)) {
+        if (memcmp(fabrics.data, character.fabrics.data, sizeof(Fabric) * (size_t)fabrics.size))
+            renew_material(character);
+        return true;
+    }
+    copy_in(character, own, before.data);
+    return false;
 }
 
 }  // namespace uvc

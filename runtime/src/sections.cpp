@@ -11,6 +11,12 @@ constexpr uint32_t VERSION = 2;
 constexpr int NAME = 32;
 constexpr int MOST_ROWS = 1 << 24;
 
+// Most numbers of all sections: those that repeat take nearly no bytes, but time and memory.
+constexpr uint64_t MOST_NUMBERS = 1 << 26;
+
+// Most of the sum, over all vertices, of the squared number of faces around each. Usual meshes have 36 a vertex.
+constexpr int64_t MOST_CROWDED = 1 << 30;
+
 // What the coded whole numbers are: the bits of floats, themselves, or steps of a float.
 enum Kind : uint32_t { FLOATS = 0, INTEGERS = 1, STEPS = 2 };
 
@@ -168,12 +174,18 @@ Sections read_sections(const void *data, size_t size, Failure &failure) {
         failure.say("the outfit has more sections than bytes");
         return {};
     }
+    uint64_t total = 0;
     for (uint32_t k = 0; k < header.count; k++) {
         Entry entry = entry_at(sections, k);
         uint64_t numbers = (uint64_t)entry.rows * entry.columns;
         if (entry.name[NAME - 1] != 0 || entry.kind > STEPS || entry.rows > MOST_ROWS ||
             numbers > MOST_ROWS || entry.offset > size || entry.size > size - entry.offset) {
             failure.say("section %d of the outfit lies outside of it", (int)k);
+            return {};
+        }
+        total += numbers;
+        if (total > MOST_NUMBERS) {
+            failure.say("the outfit has more than %d numbers", (int)MOST_NUMBERS);
             return {};
         }
     }
@@ -215,6 +227,19 @@ Array<int32_t> read_indices(const Sections &sections, const char *name, int rows
             return {};
         }
     return values;
+}
+
+Array<int32_t> read_faces(const Sections &sections, const char *name, int vertices, Arena &arena,
+                          Failure &failure) {
+    Array<int32_t> corners = read_indices(sections, name, -1, 3, 0, vertices, arena, failure);
+    Arena work;
+    Array<int32_t> around = work.take<int32_t>(vertices);
+    for (int32_t corner : corners) around[corner]++;
+    int64_t crowded = 0;
+    for (int64_t count : around) crowded += count * count;
+    if (crowded <= MOST_CROWDED) return corners;
+    failure.say("section %s of the outfit has too many faces around a vertex", name);
+    return {};
 }
 
 Array<int32_t> read_starts(const Sections &sections, const char *name, int count, int total, Arena &arena,

@@ -52,6 +52,10 @@ Array<int32_t> read_integers(const Sections &, const char *name, int rows, int c
 Array<int32_t> read_indices(const Sections &, const char *name, int rows, int columns, int low, int high,
                             Arena &, Failure &);
 
+// The same for the corners of faces, three in a row, which may have no crowd of faces around a vertex: to find
+// neighbours there would take for ever.
+Array<int32_t> read_faces(const Sections &, const char *name, int vertices, Arena &, Failure &);
+
 // Rows of a jagged array: `count` + 1 starts that never fall, from 0 to `total`.
 Array<int32_t> read_starts(const Sections &, const char *name, int count, int total, Arena &, Failure &);
 

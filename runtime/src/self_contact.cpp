@@ -31,12 +31,19 @@ bool first_is_halved(Node a, Node b) {
     return size_of(a) >= size_of(b);
 }
 
+// Most pairs of faces that a search looks at: so many for each face, or so many in all, whichever is more.
+constexpr int MOST_PER_FACE = 64, MOST_NEAR = 1 << 20;
+
+// Most pairs of nodes that are numbered.
+constexpr int MOST_WALKED = 1 << 28;
+
 // Numbers the pairs of nodes that a walk meets and whose faces share a vertex, so that the walk knows at once
 // which pairs to test by boxes and which by cones.
 struct Walk {
     const BoxTree &tree;
     Array<Box> boxes;
     List<Two> following;
+    int walked = 0;
 
     bool share_vertex(int a, int b) const {
         Face f = tree.faces.at(tree.order.at(tree.nodes.at(a).first));
@@ -53,7 +60,8 @@ struct Walk {
     }
 
     int32_t number(int a, int b) {
-        if (!boxes_touch(a, b)) return APART;
+        if (walked == MOST_WALKED || !boxes_touch(a, b)) return APART;
+        walked++;
         Node x = tree.nodes.at(a), y = tree.nodes.at(b);
         if (x.is_leaf() && y.is_leaf()) return share_vertex(a, b) ? DONE : APART;
         bool halve_a = first_is_halved(x, y);
@@ -150,8 +158,8 @@ bool is_off_plane(const Surface &surface, const Vec *positions, int f, Vec norma
     return least(least(a, b), c) > margin || most(most(a, b), c) < -margin;
 }
 
-// Puts the pairs of nodes of single faces that may be near into `leaves`.
-void walk_pairs(const Sheet &sheet, SelfContact &contact, const Vec *positions, float margin, float interval,
+// Puts the pairs of nodes of single faces that may be near into `leaves`. Returns false if there are too many.
+bool walk_pairs(const Sheet &sheet, SelfContact &contact, const Vec *positions, float margin, float interval,
                 float flat) {
     struct Waiting {
         int32_t a, b, pair;
@@ -164,7 +172,9 @@ void walk_pairs(const Sheet &sheet, SelfContact &contact, const Vec *positions, 
         for (int j = i; j < pieces; j++)
             if (!sheet.apart.at(i * pieces + j)) stack.add({tree.roots.at(i), tree.roots.at(j), APART});
     contact.leaves.clear();
+    int limit = most(MOST_NEAR, MOST_PER_FACE * surface.faces.size);
     while (stack.items.size > 0) {
+        if (contact.leaves.items.size > limit) return false;
         Waiting w = stack.items[--stack.items.size];
         Node x = tree.nodes.at(w.a), y = tree.nodes.at(w.b);
         if (w.a == w.b) {
@@ -193,6 +203,7 @@ void walk_pairs(const Sheet &sheet, SelfContact &contact, const Vec *positions, 
             !is_off_plane(surface, positions, g, contact.cones.at(w.b).axis, f, watched))
             contact.leaves.add({w.a, w.b});
     }
+    return true;
 }
 
 // Whether two vertices are one, or the ends of an edge.
@@ -394,7 +405,7 @@ Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure) {
     Sheet sheet{};
     Array<float> rest = read_floats(sections, "cloth.rest", -1, 3, arena, failure);
     int vertices = rest.size / 3;
-    Array<int32_t> corners = read_indices(sections, "sheet.faces", -1, 3, 0, vertices, arena, failure);
+    Array<int32_t> corners = read_faces(sections, "sheet.faces", vertices, arena, failure);
     int faces = corners.size / 3;
     Array<int32_t> starts = read_integers(sections, "sheet.starts", -1, 1, arena, failure);
     starts = read_starts(sections, "sheet.starts", most(starts.size - 1, 0), faces, arena, failure);
@@ -407,6 +418,8 @@ Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure) {
     sheet.face_edges = {reinterpret_cast<Face *>(face_edges.data), faces};
     sheet.apart = read_integers(sections, "sheet.apart", pieces, pieces, arena, failure);
     sheet.spacing = read_number(sections, "sheet.spacing", failure);
+    for (int piece = 0; piece < pieces && !failure.failed; piece++)
+        if (starts[piece] == starts[piece + 1]) failure.say("piece %d of the outfit's cloth has no faces", piece);
     if (failure.failed) return {};
     Array<Face> triangles{reinterpret_cast<Face *>(corners.data), faces};
     Vec *points = reinterpret_cast<Vec *>(rest.data);
@@ -421,11 +434,12 @@ Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure) {
     for (int k = 0; k < sheet.tree.roots[pieces]; k++)
         if (!sheet.tree.nodes[k].is_leaf())
             sheet.halves[k] = walk.number(k + 1, sheet.tree.nodes[k].right);
+    if (walk.walked == MOST_WALKED) failure.say("the cloth of the outfit lies all in one place");
     sheet.following = arena.copy(walk.following.items);
     return sheet;
 }
 
-void find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities, float margin, float interval,
+bool find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities, float margin, float interval,
                 SelfContact &contact) {
     const Surface &surface = sheet.surface;
     const BoxTree &tree = sheet.tree;
@@ -435,7 +449,7 @@ void find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities,
         fit_boxes(tree, piece, velocities, contact.speeds);
     }
     fit_cones(sheet, positions, contact.cones);
-    walk_pairs(sheet, contact, positions, margin, interval, flat);
+    if (!walk_pairs(sheet, contact, positions, margin, interval, flat)) return false;
     swap(contact.points, contact.points_before);
     swap(contact.edges, contact.edges_before);
     contact.points.clear();
@@ -454,6 +468,7 @@ void find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities,
              [](EdgePair &pair, const EdgePair &old) { pair.direction = old.direction; });
     wait_for_none(contact.point_wait, contact.points.items.size);
     wait_for_none(contact.edge_wait, contact.edges.items.size);
+    return true;
 }
 
 void drop_caught(const Sheet &sheet, const Collider &collider, const int32_t *caught, SelfContact &contact) {

@@ -72,7 +72,8 @@ struct SelfContact {
 // A patch of the mesh whose normals lie in a narrow cone is not tested against itself (Volino and
 // Magnenat-Thalmann 1994): at a half angle a, points that are `spacing` apart along it keep a distance of
 // spacing cos(a), more than the margin.
-void find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities, float margin, float interval,
+// Returns false, and no pairs, if there are so many that a search would take for ever.
+bool find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities, float margin, float interval,
                 SelfContact &contact);
 
 // Drops the pairs of cloth that is inside a part of the body which the other cloth touches: mocap moves

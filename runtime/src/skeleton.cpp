@@ -30,12 +30,17 @@ Turn transposed(const Turn &a) {
              {a.at[0][2], a.at[1][2], a.at[2][2]}}};
 }
 
-// The turn about the vertical that is nearest to a turn.
-Turn heading(const Turn &a) {
-    double angle = __builtin_atan2(a.at[1][0] - a.at[0][1], a.at[0][0] + a.at[1][1]);
+// Angle, radians, about the vertical that is nearest to a turn.
+double heading_angle(const Turn &a) {
+    return __builtin_atan2(a.at[1][0] - a.at[0][1], a.at[0][0] + a.at[1][1]);
+}
+
+Turn about_vertical(double angle) {
     double c = __builtin_cos(angle), s = __builtin_sin(angle);
     return {{{c, -s, 0}, {s, c, 0}, {0, 0, 1}}};
 }
+
+Turn heading(const Turn &a) { return about_vertical(heading_angle(a)); }
 
 // Axis times angle of a turn, by the quaternion of which the greatest number comes from a root.
 Vec64 axis_angle(const Turn &turn) {
@@ -133,6 +138,28 @@ void way_to(const Skeleton &skeleton, const Pose &pose, double share, Rigid *tra
 Place place_of(const Rigid &root, Vec64 head) {
     Turn facing = heading(root.turn);
     return {facing.at[0][0], facing.at[1][0], taken(root, head)};
+}
+
+double angle_between(const Rigid &before, const Rigid &now) {
+    Vec64 turn = axis_angle(transposed(before.turn) * now.turn);
+    return __builtin_sqrt(dot(turn, turn));
+}
+
+double heading_between(const Rigid &before, const Rigid &now) {
+    return heading_angle(now.turn * transposed(before.turn));
+}
+
+Place after_jump(const Place &place, const Rigid &before, const Rigid &now, Vec64 head, Vec64 way,
+                 double angle) {
+    Turn turn = about_vertical(heading_between(before, now) - angle);
+    Vec64 origin = taken(now, head) - turn * (taken(before, head) + way);
+    bring_back(place, &origin, 1);
+    double c = turn.at[0][0], s = turn.at[1][0];
+    Place next{place.cosine * c - place.sine * s, place.sine * c + place.cosine * s, origin};
+    double size = __builtin_sqrt(next.cosine * next.cosine + next.sine * next.sine);
+    next.cosine /= size;
+    next.sine /= size;
+    return next;
 }
 
 Vec64 brought_in(const Place &place, Vec64 point) {

@@ -135,8 +135,9 @@ bool step(const Solver &solver, const Material &material, const uvc_motion &moti
         if (substep % motion.interval == 0 && !stays_together(positions, velocities, vertices)) return false;
         if (motion.self_contact) {
             if (substep % motion.interval == 0) {
-                find_pairs(solver.sheet, positions, velocities, motion.self_radius + motion.self_margin,
-                           step * (float)motion.interval, contact);
+                if (!find_pairs(solver.sheet, positions, velocities, motion.self_radius + motion.self_margin,
+                                step * (float)motion.interval, contact))
+                    return false;
                 if (any_caught) drop_caught(solver.sheet, collider, caught.data, contact);
             }
             resolve_pairs(solver.sheet, contact, positions, velocities, particles, motion.self_radius,

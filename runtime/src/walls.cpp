@@ -15,6 +15,9 @@ constexpr float FACING = 0.5f;
 // Metres that stand for no distance.
 constexpr float FAR = 1e9f;
 
+// Most sides: all pairs of 31 parts.
+constexpr int MOST_SIDES = 930;
+
 UVC_INLINE LaneVec load_columns(const float (*columns)[LANES]) {
     return {load(columns[0]), load(columns[1]), load(columns[2])};
 }
@@ -162,6 +165,7 @@ Sides read_sides(const Sections &sections, Array<Face> faces, const Graph &graph
     sides.points = read_indices(sections, "opening.points", -1, 1, 0, graph.vertices(), arena, failure);
     int points = sides.points.size;
     if (!failure.failed && (count < 0 || count % 2)) failure.say("opening.starts is not of pairs of sides");
+    if (count > MOST_SIDES) failure.say("opening.starts has %d sides, at most %d are possible", count, MOST_SIDES);
     Array<int32_t> firsts = read_starts(sections, "opening.starts", count, points, work, failure);
     float spacing = read_number(sections, "opening.spacing", failure);
     if (!failure.failed && !(spacing > 0)) failure.say("opening.spacing of the outfit has to be above zero");

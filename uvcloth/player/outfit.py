@@ -57,9 +57,10 @@ class Cloth:
     def step(self, joints: Joints, seconds: float) -> None:
         """Move the cloth on to the pose of joints (J, 3, 4), so many seconds later.
 
-        The first step after `start` is to the pose of the first frame.
+        The first step after `start` is to the pose of the first frame. Where the root jumps, by more than
+        10 m/s, the cloth comes along as it hangs.
         Raises ValueError with the runtime's sentence for joints that are not finite, or not as many, a body
-        that is faster than 40 m/s, and cloth that flies apart; it stays as it was then.
+        that is faster than 40 m/s past the cloth, and cloth that flies apart; it stays as it was then.
         """
         self._do(library().uvc_step, joints, ctypes.c_double(seconds))
 
