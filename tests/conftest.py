@@ -12,10 +12,13 @@ from uvcloth.bodies.body import Body, load_body
 LONG = ("tests/kills/", "tests/test_first_hour.py", "tests/test_api.py", "tests/methods/", "tests/evaluate/")
 """Files that take longest: they come first, or one process would run the last of them while others wait."""
 
+LATE = "tests/test_types.py"
+"""The file that has less to do once the linter, which runs beside the tests, has left its cache."""
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests of LONG first."""
-    items.sort(key=lambda item: not item.nodeid.startswith(LONG))
+    """Put the tests of LONG first, those of LATE last."""
+    items.sort(key=lambda item: (item.nodeid.startswith(LATE), not item.nodeid.startswith(LONG)))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
