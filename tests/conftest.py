@@ -1,5 +1,6 @@
 """What many tests share: the default body, and motion capture where it is at hand."""
 
+import gc
 import os
 import signal
 from pathlib import Path
@@ -19,6 +20,12 @@ LATE = "tests/test_types.py"
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the tests of LONG first, those of LATE last."""
     items.sort(key=lambda item: (item.nodeid.startswith(LATE), not item.nodeid.startswith(LONG)))
+
+
+def pytest_collection_finish() -> None:
+    """Keep what all imports made out of later searches for garbage, which take half a second with it."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
