@@ -3,6 +3,7 @@
 import gc
 import os
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -22,12 +23,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: (item.nodeid.startswith(LATE), not item.nodeid.startswith(LONG)))
 
 
-def pytest_collection_finish() -> None:
-    """Keep what all imports made out of later searches for garbage, which take half a second with it."""
-    gc.collect()
-    gc.freeze()
-
-
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the option for tests that take minutes."""
     parser.addoption("--all-engines", action="store_true", help="test the cloth engines of others too")
@@ -37,6 +32,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def seeded() -> None:
     """The same random numbers in a test, whichever process it runs in and whatever ran there before."""
     torch.manual_seed(0)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def imports_are_no_garbage() -> Iterator[None]:
+    """Searches for garbage leave out what imports have made, with which they take half a second."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
 
 
 @pytest.fixture(scope="session", autouse=True)
