@@ -85,8 +85,8 @@ def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
 
 
 @lru_cache(MOST_KEPT)
-def _opening(at_rest: _AtRest) -> Opening:
-    collider, body = at_rest.collider, at_rest.body
+def _opening(standing: _AtRest) -> Opening:
+    collider, body = standing.collider, standing.body
     rest, count = body.numpy(), len(body) + len(collider.rims)
     skins = [part[(part < len(body)).all(1)] for part in collider.parts]
     vertices_of = [skin.unique().numpy() for skin in skins]
