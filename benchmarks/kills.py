@@ -13,6 +13,7 @@ import importlib
 import multiprocessing
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +41,27 @@ from uvcloth.simulate.engines import ENGINES
 
 FORMATS = ("npz", "glb", "usdc", "abc", "pc2", "obj", "mp4", "gif", "png")
 MOVING = ("--motion", "walk", "--frames", "0:4")
+
+
+MODULES = {
+    "rollout": (
+        *("pxr.Usd", "pxr.UsdGeom", "pxr.UsdSkel", "alembic3d", "imath", "av"),
+        "uvcloth.commands.animate",
+    ),
+    "simulate": ("newton", "dask.distributed"),
+    "poses": ("uvcloth.motion.draw_poses", "uvcloth.motion.recombine", "uvcloth.physics.self_contact"),
+    "outfits": ("uvcloth.commands.make_outfits",),
+    "export": ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdSkel", "onnx", "uvcloth.commands.export_rig"),
+    "evaluate": (
+        *("jinja2", "evaluate.compare", "evaluate.report", "evaluate.show", "evaluate.motion_map"),
+        *("evaluate.selection", "evaluate.garment_space"),
+    ),
+    "train": (
+        *("lightning.fabric", "tensorboard.summary.writer.event_file_writer", "torch.utils.tensorboard"),
+        "lightning.fabric.loggers.tensorboard",
+    ),
+}
+"""Modules that commands import, by the beginning of their names."""
 
 
 def commands(inputs: Path) -> list[Command]:
@@ -99,22 +121,12 @@ def make_inputs(folder: Path) -> None:
     save_poses(database_of(load_body()), folder / "poses.npz")
 
 
-def prepare() -> None:
-    """Import what commands need, and make their fixed costs small; starts no thread."""
-    for module in (
-        *("lightning.fabric", "tensorboard.summary.writer.event_file_writer", "newton", "dask.distributed"),
-        *("pxr.Usd", "pxr.UsdGeom", "pxr.UsdSkel", "alembic3d", "imath", "av", "onnx", "jinja2"),
-        *("uvcloth.commands.animate", "uvcloth.commands.export_rig", "uvcloth.commands.make_outfits"),
-        *("uvcloth.motion.draw_poses", "uvcloth.motion.recombine", "uvcloth.physics.self_contact"),
-        *("evaluate.compare", "evaluate.report", "evaluate.show", "evaluate.motion_map"),
-        *(
-            "evaluate.selection",
-            "evaluate.garment_space",
-            "torch.utils.tensorboard",
-            "lightning.fabric.loggers.tensorboard",
-        ),
-    ):
-        importlib.import_module(module)
+def prepare(names: Sequence[str]) -> None:
+    """Import what commands of these names need, and make their fixed costs small; starts no thread."""
+    for beginning, modules in MODULES.items():
+        if any(name.startswith(beginning) for name in names):
+            for module in modules:
+                importlib.import_module(module)
     # A new process would import all of this once more.
     dask.config.set({"distributed.worker.multiprocessing-method": "fork"})
     vars(make_outfits)["get_context"] = lambda method: multiprocessing.get_context("fork")
@@ -142,15 +154,15 @@ class Kills:
 
     def run(self) -> int:
         """Run and print the table; returns 1 if anything is wrong."""
-        prepare()
         table = Table("command", "s", "kills", "left hidden by the kill", "wrong", title=f"seed {self.seed}")
         faults: list[str] = []
         with tempfile.TemporaryDirectory(prefix="uvcloth-kills-") as place:
             folder = Path(place)
-            make_inputs(folder)
-            for command in commands(folder):
-                if self.only and command.name not in self.only:
-                    continue
+            wanted = [each for each in commands(folder) if not self.only or each.name in self.only]
+            prepare([command.name for command in wanted])
+            if any(str(folder) in word for command in wanted for word in command.words):
+                make_inputs(folder)
+            for command in wanted:
                 tally = try_command(command, self.times, folder, self.seed)
                 faults += [f"{command.name}: {fault}" for fault in tally.faults]
                 row = (command.name, f"{tally.seconds:.1f}", tally.kills, tally.leftovers, len(tally.faults))

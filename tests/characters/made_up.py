@@ -35,12 +35,16 @@ MIXAMO = {
 
 @dataclass(frozen=True)
 class Piece:
-    """A mesh of a character: faces (F, 3) of the body's, moved off the skin by `off` metres."""
+    """A mesh of a character: faces (F, 3) of the body's, moved off the skin by `off` metres.
+
+    textured: with texture coordinates, a projection; without, the mesh is unwrapped, which takes seconds.
+    """
 
     name: str
     material: str
     faces: Tensor
     off: float = 0.0
+    textured: bool = True
 
 
 def with_box(body: Body, joint: str, centre: Sequence[float], size: Sequence[float]) -> Body:
@@ -97,7 +101,7 @@ def write_character(
     for piece in pieces:
         used, faces = piece.faces.unique(return_inverse=True)
         vertices = (body.mesh.vertices + piece.off * normals)[used] @ turned
-        mesh = Mesh(vertices, faces, torch.zeros(0, 2), faces)
+        mesh = Mesh(vertices, faces, _projected(vertices) if piece.textured else torch.zeros(0, 2), faces)
         source, (primitive,) = add_surface(document, piece.material, mesh, (0.5, 0.5, 0.5))
         joints, weights = strongest(body.weights[used], 4)
         primitive["attributes"] |= add_influences(document, joints[source], weights[source])
@@ -105,6 +109,12 @@ def write_character(
     if not skinned:
         document.skins.clear()
     document.write(path)
+
+
+def _projected(vertices: Tensor) -> Tensor:
+    """Texture coordinates (V, 2) of vertices (V, 3) seen from the front."""
+    low, high = vertices.amin(0), vertices.amax(0)
+    return ((vertices - low) / (high - low))[:, [0, 2]]
 
 
 def rewritten(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:

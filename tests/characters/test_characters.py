@@ -56,9 +56,10 @@ def character(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Character
     """A longer, narrower body than ours with a pack, Mixamo's names, in centimetres, Z up, in two meshes."""
     path = tmp_path_factory.mktemp("character") / "longer.glb"
     packed = with_box(stretched(body), "Spine1", centre=(0.0, 0.18, 0.5), size=(0.32, 0.2, 0.45))
-    face, skin, *others = pieces(body)
+    face, skin, hair, clothing = pieces(body)
     pack = packed.mesh.faces[len(body.mesh.faces) :]
-    write_character(path, packed, [face, replace(skin, faces=torch.cat([skin.faces, pack])), *others])
+    skin, hair = replace(skin, faces=torch.cat([skin.faces, pack])), replace(hair, textured=False)
+    write_character(path, packed, [face, skin, hair, clothing])
     return body_from_character(path, body)
 
 
@@ -231,7 +232,9 @@ def test_a_character_is_kept_and_seen(character: CharacterBody, tmp_path: Path) 
     faces = sum(len(part.mesh.faces) for part in (*parts.surface, *parts.props, *parts.visible))
     assert [len(part.mesh.faces) for part in parts.props if label(part) == "Body (N00_Body_SKIN)"] == [768]
     assert len(shown.mesh.faces) == len(shown.regions) == faces
-    assert len(shown.mesh.uvs)
+    assert not len(parts.visible[0].mesh.uvs)
+    assert shown.mesh.face_uvs.shape == shown.mesh.faces.shape
+    assert len(shown.mesh.uvs[shown.mesh.face_uvs[-len(parts.visible[0].mesh.faces) :]].unique()) > 1000
     clip = load_clip("walk", body).window(0, 1)
     garment = tailored(load_template("tops"), body)
     with open_writer(tmp_path / "c.glb", [("tops", garment)], body, clip.fps) as writer:

@@ -55,6 +55,12 @@ def character(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def character_body(character: Path, body: Body) -> Body:
+    """The character as a body of ours."""
+    return body_from_character(character, body).body
+
+
+@pytest.fixture(scope="module")
 def hero(character: Path) -> Path:
     """The character in two garments, walking."""
     path = character.with_name("baked.glb")
@@ -113,8 +119,8 @@ def test_a_character_keeps_its_file(character: Path, hero: Path) -> None:
     np.testing.assert_array_equal(GlbReader.load(hero).read(0), kept)
 
 
-def test_a_character_moves_its_own_joints(character: Path, hero: Path, body: Body) -> None:
-    made = body_from_character(character, body).body
+def test_a_character_moves_its_own_joints(hero: Path, body: Body, character_body: Body) -> None:
+    made = character_body
     clip, glb, baked = load_clip("walk", made, SOME), GlbReader.load(hero), open_baked(hero)
     names = [glb.gltf.nodes[node].name for node in baked.skin.nodes]
     assert names[0] == "mixamorig:Hips"
@@ -178,10 +184,10 @@ def test_what_is_played_is_what_the_runtime_says(
         np.testing.assert_allclose(glb.times(), np.arange(9) / 30.0, atol=1e-6)
 
 
-def test_another_motion_is_retargeted_as_on_the_body(hero: Path, character: Path, body: Body) -> None:
+def test_another_motion_is_retargeted_as_on_the_body(hero: Path, character_body: Body) -> None:
     from uvcloth.commands.play_motion import retargeted
 
-    made = body_from_character(character, body).body
+    made = character_body
     baked = open_baked(hero)
     motion, clip = retargeted(baked, "kick", SOME), load_clip("kick", made, SOME)
     rows = [made.skeleton.names.index(name) for name in baked.skin.names]

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import shutil
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -16,7 +17,7 @@ from torch import Tensor
 
 import evaluate.selection as selecting
 from evaluate import beside, records
-from evaluate.__main__ import main
+from evaluate.__main__ import machine, main
 from evaluate.actions import find_windows
 from evaluate.candidates import Candidate, load_candidates
 from evaluate.case import Case
@@ -50,6 +51,7 @@ SETTLING = 8
 FILE_MM = 0.05
 """How far a vertex read from a file may be from what was simulated."""
 COUNTED = 12
+MACHINE = f"{machine()}, threads used: 1"
 FPS = 30.0
 LBS = create_lbs(LBSConfig())
 
@@ -138,6 +140,12 @@ def skirt(world: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "wardrobe/long_skirt.obj"
 
 
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of records for tests that judge the same: what one has judged the next takes over."""
+    return tmp_path_factory.mktemp("records")
+
+
 def run(
     data: Path,
     out: Path,
@@ -145,7 +153,7 @@ def run(
     files: tuple[str, ...] = (),
     frames: int | None = None,
     body: Body | None = None,
-    machine: str = "a test",
+    machine: str = MACHINE,
 ) -> dict:
     body = body or capsule_body()
     return compare(
@@ -155,8 +163,8 @@ def run(
     )[0]
 
 
-def test_known_errors_come_out(world: Path, tmp_path: Path) -> None:
-    results = run(world, tmp_path / "out")
+def test_known_errors_come_out(world: Path, shared: Path) -> None:
+    results = run(world, shared)
     assert list(results["methods"]) == ["lbs", "lbs_smooth"]
     cell = results["methods"]["lbs"]["actions"]["jump"]["tops"]
     assert cell["frames"] == COUNTED
@@ -197,14 +205,14 @@ class Rounded(Method, Representation):
         return tuple(vertices + self.off for vertices in garments)
 
 
-def test_floors(world: Path, tmp_path: Path) -> None:
-    results = run(world, tmp_path / "out")
+def test_floors(world: Path, shared: Path) -> None:
+    results = run(world, shared)
     assert results["floor"]["repeatability_mm"] == pytest.approx({"tops": 2.0}, abs=1e-3)
     assert results["floor"]["representation_mm"] == results["methods"]["lbs"]["representation"] == {}
     results, _ = compare(
         [Candidate(n, Rounded(off, n), 0.0, n, frozenset()) for n, off in (("near", 0.001), ("far", 0.002))],
-        cases_on(capsule_body(), Selection(world, map_size=16)),
-        Records(tmp_path / "out", "a test", 16),
+        cases_on(capsule_body(), Selection(world, ("jump",), map_size=16)),
+        Records(shared, MACHINE, 16),
     )
     root = 3**0.5
     assert results["floor"]["representation_mm"] == pytest.approx({"tops": root, "dress": root}, abs=1e-3)
@@ -217,24 +225,24 @@ def test_floors(world: Path, tmp_path: Path) -> None:
 def test_rerun_takes_over_what_is_finished(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first = run(world, tmp_path / "out")
+    first = run(world, tmp_path / "out", ("jump",))
 
     def never(*_: object) -> Callable[..., None]:
         raise AssertionError("judged again")
 
     monkeypatch.setattr(records, "judge", never)
-    assert run(world, tmp_path / "out") == first
+    assert run(world, tmp_path / "out", ("jump",)) == first
     with pytest.raises(AssertionError, match="judged again"):
-        run(world, tmp_path / "out", frames=5)
+        run(world, tmp_path / "out", ("jump",), frames=5)
     with pytest.raises(AssertionError, match="judged again"):
-        run(world, tmp_path / "out", machine="another")
+        run(world, tmp_path / "out", ("jump",), machine="another")
     wider = capsule_body()
     wider.mesh.vertices[:, 0] *= 1.1
     with pytest.raises(AssertionError, match="judged again"):
-        run(world, tmp_path / "out", body=wider)
+        run(world, tmp_path / "out", ("jump",), body=wider)
     monkeypatch.setattr(records, "SCORES_FORMAT", "another")
     with pytest.raises(AssertionError, match="judged again"):
-        run(world, tmp_path / "out")
+        run(world, tmp_path / "out", ("jump",))
 
 
 def test_actions_and_frames_narrow_it_down(world: Path, tmp_path: Path) -> None:
@@ -243,8 +251,8 @@ def test_actions_and_frames_narrow_it_down(world: Path, tmp_path: Path) -> None:
     assert results["methods"]["lbs"]["actions"]["walking"]["tops"]["frames"] == 7
 
 
-def test_missing_windows_are_listed_with_the_reason(world: Path, tmp_path: Path) -> None:
-    assert run(world, tmp_path / "out")["missing"] == {}
+def test_missing_windows_are_listed_with_the_reason(world: Path, shared: Path) -> None:
+    assert run(world, shared)["missing"] == {}
     exploded = simulated(tube_garment("dress"), "12_01", torch.tensor(torch.nan))
     exploded = exploded.labelled(rejected="frame 3: a vertex is not a finite number")
     (world / "12_01_dress.npz").unlink()
@@ -254,19 +262,19 @@ def test_missing_windows_are_listed_with_the_reason(world: Path, tmp_path: Path)
         "jump": {"dress": "not simulated"},
         "walking": {"dress": "frame 3: a vertex is not a finite number"},
     }
-    assert run(world, tmp_path / "out")["missing"] == missing
-    assert run(world, tmp_path / "out", actions=("jump",))["missing"] == {"jump": missing["jump"]}
+    assert run(world, shared)["missing"] == missing
+    assert run(world, shared, actions=("jump",))["missing"] == {"jump": missing["jump"]}
     keep_refused({"02_04": "LeftFoot turns by 167 degrees"}, world)
     missing["jump"] = {"dress": "LeftFoot turns by 167 degrees"}
-    assert run(world, tmp_path / "out")["missing"] == missing
+    assert run(world, shared)["missing"] == missing
 
 
 def test_a_folder_called_like_a_baseline_is_not_it(
-    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    world: Path, shared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "lbs").mkdir()
     monkeypatch.chdir(tmp_path)
-    assert run(world, tmp_path / "out")["methods"]["lbs"]["weights_mb"] == 0.0
+    assert run(world, shared)["methods"]["lbs"]["weights_mb"] == 0.0
 
 
 def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) -> None:
@@ -284,7 +292,7 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
     results, _ = compare(
         load_candidates(("lbs_smooth", str(folder)), body),
         cases_on(body, Selection(data, frames=2, map_size=64)),
-        Records(tmp_path / "out", "a test", 16),
+        Records(tmp_path / "out", MACHINE, 16),
     )
     walker, baseline = results["methods"]["lbs_walker"], results["methods"]["lbs_smooth"]
     assert (walker["baseline"], baseline["baseline"]) == (False, True)
@@ -325,7 +333,7 @@ def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
     return compare(
         (*load_candidates(("lbs",), capsule_body()), Candidate(method.name, method, 0.0, "", frozenset())),
         cases_on(capsule_body(), Selection(data, map_size=16)),
-        Records(out, "a test", 16),
+        Records(out, MACHINE, 16),
     )
 
 
@@ -375,8 +383,8 @@ def test_before_the_finish_a_method_never_sees_what_it_left(
     assert own["stability"]["tops"]["one_step_mm_raw"] < 2.5
 
 
-def test_a_method_is_judged_on_what_it_dresses(world: Path, tmp_path: Path) -> None:
-    results, shown = judged(ForOne("dress"), world, tmp_path / "out")
+def test_a_method_is_judged_on_what_it_dresses(world: Path, shared: Path) -> None:
+    results, shown = judged(ForOne("dress"), world, shared)
     own = results["methods"]["for_one"]
     assert own["actions"].keys() == {"jump", "walking"}
     assert all(by_garment.keys() == {"dress"} for by_garment in own["actions"].values())
@@ -400,8 +408,11 @@ def test_a_method_that_dresses_nothing_is_refused(world: Path, tmp_path: Path) -
         judged(ForOne("cape"), world, tmp_path / "out")
 
 
-def test_command_writes_metrics_and_page(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_command_writes_metrics_and_page(
+    world: Path, shared: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
     out = tmp_path / "report"
+    shutil.copytree(shared, out / "partial")
     arguments = ["--model", "lbs", "lbs_smooth", "--data", str(world), "--out", str(out)]
     assert main([*arguments, "--map-size", "16"]) == 0
     metrics = json.loads((out / "metrics.json").read_text())
@@ -423,7 +434,7 @@ def test_processes_fill_the_records_that_are_compared(
     # Four windows, on each the method and the simulation.
     monkeypatch.setattr(beside, "WORTH_A_PROCESS", 3)
     assert [beside.processes(comparison, jobs) for jobs in (1, 9)] == [1, 2]
-    kept = Records(tmp_path, "a test", 16)
+    kept = Records(tmp_path, MACHINE, 16)
     beside.judge_beside(request, comparison, kept, 2)
     for name in ("judge", "judge_simulation"):
         monkeypatch.setattr(records, name, lambda *_: pytest.fail("judged again"))
@@ -472,18 +483,18 @@ def test_bad_input_is_one_sentence(
     assert "a_tops.npz: its mesh is not that of the garment tops" in refused("lbs", short)
 
 
-def test_a_garment_from_a_file_is_judged_where_it_is_named(world: Path, skirt: str, tmp_path: Path) -> None:
-    assert run(world, tmp_path / "out")["garments"].keys() == {"tops", "dress"}
-    results = run(world, tmp_path / "out", files=(skirt, "tops"))
+def test_a_garment_from_a_file_is_judged_where_it_is_named(world: Path, skirt: str, shared: Path) -> None:
+    assert run(world, shared)["garments"].keys() == {"tops", "dress"}
+    results = run(world, shared, files=(skirt, "tops"))
     assert results["garments"].keys() == {"tops", "dress", "long_skirt"}
     cell = results["methods"]["lbs"]["actions"]["walking"]["long_skirt"]
     assert cell["vertex_mean_mm"] == pytest.approx(20.0, abs=FILE_MM)
     assert cell["map_mse_mm2"] == pytest.approx(400.0, abs=40 * FILE_MM)
     assert results["missing"] == {"jump": {"long_skirt": "not simulated"}}
     with pytest.raises(InputError, match=r"no test sequence of the garment cape \(CLIP_cape.npz\)"):
-        run(world, tmp_path / "out", files=(skirt, "cape.obj"))
+        run(world, shared, files=(skirt, "cape.obj"))
     with pytest.raises(InputError, match=r"other/long_skirt.obj: another one is also named long_skirt"):
-        run(world, tmp_path / "out", files=(skirt, "other/long_skirt.obj"))
+        run(world, shared, files=(skirt, "other/long_skirt.obj"))
     sequence = load_simulated(world / "12_01_long_skirt.npz")
     save_simulated(
         altered(sequence, faces=sequence.garments[0].faces.flip(1)), world / "12_01_long_skirt.npz"
@@ -491,7 +502,7 @@ def test_a_garment_from_a_file_is_judged_where_it_is_named(world: Path, skirt: s
     with pytest.raises(
         InputError, match=r"12_01_long_skirt\.npz: its mesh is not that of the garment long_skirt"
     ):
-        run(world, tmp_path / "out", files=(skirt,))
+        run(world, shared, files=(skirt,))
 
 
 def test_a_changed_file_is_judged_again(
@@ -524,7 +535,7 @@ def test_a_garment_that_no_texel_sees_has_no_map(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(selecting, "garment_map", lambda *_: None)
-    results = run(world, tmp_path / "out")
+    results = run(world, tmp_path / "out", ("jump",))
     assert results["methods"]["lbs"]["actions"]["jump"]["tops"]["map_mse_mm2"] is None
     assert results["floor"]["representation_mm"] == {}
     page = write_report(tmp_path, results, [], []).read_text()
@@ -532,9 +543,9 @@ def test_a_garment_that_no_texel_sees_has_no_map(
     assert 'aria-label="tops: map mse"' not in page
 
 
-def test_an_error_is_compared_with_the_spread_of_the_ensemble(world: Path, tmp_path: Path) -> None:
+def test_an_error_is_compared_with_the_spread_of_the_ensemble(world: Path, shared: Path) -> None:
     """LBS is 5 mm from one member and 5.4 from the other, which are 2 mm from each other."""
-    jump = run(world, tmp_path / "out")["methods"]["lbs"]["actions"]["jump"]
+    jump = run(world, shared)["methods"]["lbs"]["actions"]["jump"]
     assert jump["tops"]["nearest_member_mm_raw"] == pytest.approx(5.0, abs=1e-3)
     assert jump["tops"]["ensemble_mm_raw"] == pytest.approx((5.0 + 29**0.5) / 2, abs=1e-3)
     assert jump["tops"]["spread_ratio_raw"] == pytest.approx((5.0 + 29**0.5) / 4, abs=1e-3)

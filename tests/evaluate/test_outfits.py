@@ -57,15 +57,21 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of records for tests that judge the same: what one has judged the next takes over."""
+    return tmp_path_factory.mktemp("records")
+
+
 def judged(
-    data: Path, methods: Sequence[Method] = (), models: tuple[str, ...] = ("lbs",)
+    data: Path, out: Path, methods: Sequence[Method] = (), models: tuple[str, ...] = ("lbs",)
 ) -> tuple[dict[str, Any], list[Shown]]:
     body = capsule_body()
     given = [Candidate(method.name, method, 0.0, "", frozenset()) for method in methods]
     return compare(
         [*load_candidates(models, body), *given],
         cases_on(body, Selection(data, map_size=16)),
-        Records(data.parent / "out", "a test", 16),
+        Records(out, "a test", 16),
     )
 
 
@@ -85,8 +91,8 @@ class Shrunk(Method):
         return state, (*garments[:-1], (garments[-1] - middle[:, None]) * narrow + middle[:, None])
 
 
-def test_each_garment_and_all_together_are_scored(data: Path) -> None:
-    results, _ = judged(data)
+def test_each_garment_and_all_together_are_scored(data: Path, shared: Path) -> None:
+    results, _ = judged(data, shared)
     lbs = results["methods"]["lbs"]
     actions = lbs["actions"]["02_04"]
     assert actions["bottoms"]["vertex_mean_mm_raw"] == pytest.approx(5.0, abs=FILE_MM)
@@ -108,8 +114,8 @@ def test_each_garment_and_all_together_are_scored(data: Path) -> None:
     json.dumps(results, allow_nan=False)
 
 
-def test_what_is_under_what_it_should_cover_is_counted(data: Path) -> None:
-    results, _ = judged(data, [Shrunk()])
+def test_what_is_under_what_it_should_cover_is_counted(data: Path, shared: Path) -> None:
+    results, _ = judged(data, shared, [Shrunk()])
     ours = results["methods"]["shrunk"]["outfits"][OUTFIT]["actions"]["02_04"]
     true = results["simulation"]["outfits"][OUTFIT]["actions"]["02_04"]
     assert ours["wrong_side_percent_raw"] == {"tops": {"bottoms": 100.0}}
@@ -117,8 +123,8 @@ def test_what_is_under_what_it_should_cover_is_counted(data: Path) -> None:
     assert true["wrong_side_percent"] == true["wrong_side_percent_raw"] == {"tops": {"bottoms": 0.0}}
 
 
-def test_several_models_in_order_dress_an_outfit(data: Path) -> None:
-    results, shown = judged(data, models=("lbs", "lbs_smooth+lbs"))
+def test_several_models_in_order_dress_an_outfit(data: Path, shared: Path) -> None:
+    results, shown = judged(data, shared, models=("lbs", "lbs_smooth+lbs"))
     one, two = results["methods"]["lbs"], results["methods"]["lbs_smooth+lbs"]
     assert two["actions"]["02_04"].keys() == {"bottoms", "tops"}
     figures = [m["outfits"][OUTFIT]["actions"]["02_04"]["vertex_mean_mm"] for m in (one, two)]
@@ -136,9 +142,9 @@ def test_several_models_in_order_dress_an_outfit(data: Path) -> None:
     assert 'id="outfits"' in page
 
 
-def test_methods_that_use_feedback_see_the_truth_of_all_garments(data: Path) -> None:
+def test_methods_that_use_feedback_see_the_truth_of_all_garments(data: Path, shared: Path) -> None:
     """Each sinks by a millimetre a frame from wherever it was left; the tops are cleared off the bottoms."""
-    results, _ = judged(data, [replace(Ensemble.of((Sinking(), Sinking())), name="both")])
+    results, _ = judged(data, shared, [replace(Ensemble.of((Sinking(), Sinking())), name="both")])
     both = results["methods"]["both"]
     whole = both["outfits"][OUTFIT]
     for steps, off in ((both["stability"]["tops"], 10.0), (whole["stability"], 7.5)):
@@ -151,18 +157,18 @@ def test_methods_that_use_feedback_see_the_truth_of_all_garments(data: Path) -> 
         assert lasting == pytest.approx(alone, abs=0.1)
 
 
-def test_garments_of_an_outfit_belong_together(data: Path) -> None:
+def test_garments_of_an_outfit_belong_together(data: Path, shared: Path) -> None:
     tops = data / "02_04_tops.npz"
     sequence = load_simulated(tops)
     save_simulated(replace(sequence, warm_up=SETTLING - 1), tops)
     with pytest.raises(InputError, match=r"02_04_tops\.npz: has another body motion than 02_04_bottoms\.npz"):
-        judged(data)
+        judged(data, shared)
     tops.unlink()
     with pytest.raises(InputError, match=r"02_04_bottoms\.npz: was simulated with the garment tops"):
-        judged(data)
+        judged(data, shared)
 
 
-def test_a_finished_outfit_is_taken_over(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first, _ = judged(data, [Shrunk()])
+def test_a_finished_outfit_is_taken_over(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, _ = judged(data, tmp_path / "out")
     monkeypatch.setattr(records, "judge", lambda *_: pytest.fail("judged again"))
-    assert judged(data, [Shrunk()])[0] == first
+    assert judged(data, tmp_path / "out")[0] == first

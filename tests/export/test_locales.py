@@ -19,26 +19,41 @@ from uvcloth.motion.bvh import read_bvh
 FOREIGN = ("de_DE", "tr_TR")
 
 
-@pytest.fixture(params=FOREIGN)
-def foreign(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """Name of a locale, made for the test where the system has its source but not itself."""
-    name = f"{request.param}.UTF-8"
+@pytest.fixture(scope="module", params=FOREIGN)
+def installed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """Name of a locale, and the folder of it where the system has its source but not itself."""
+    name, folder = f"{request.param}.UTF-8", tmp_path_factory.mktemp("locales")
     before = locale.setlocale(locale.LC_ALL)
     try:
         locale.setlocale(locale.LC_ALL, name)
+        locale.setlocale(locale.LC_ALL, before)
     except locale.Error:
         tool = shutil.which("localedef")
         if tool is None:
             pytest.skip(f"the system has neither the locale {name} nor localedef to make it")
-        subprocess.run(
-            [tool, "-i", request.param, "-f", "UTF-8", tmp_path / name], check=False, capture_output=True
-        )
-        if not (tmp_path / name).is_dir():
+        command = [tool, "-i", request.param, "-f", "UTF-8", folder / name]
+        subprocess.run(command, check=False, capture_output=True)
+        if not (folder / name).is_dir():
             pytest.skip(f"the system has neither the locale {name} nor its source")
-        monkeypatch.setenv("LOCPATH", str(tmp_path))
-    locale.setlocale(locale.LC_ALL, before)
+    return name, folder
+
+
+@pytest.fixture
+def foreign(installed: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Name of a locale that the test may set."""
+    name, folder = installed
+    before = locale.setlocale(locale.LC_ALL)
+    if (folder / name).is_dir():
+        monkeypatch.setenv("LOCPATH", str(folder))
     yield name
     locale.setlocale(locale.LC_ALL, before)
+
+
+@pytest.fixture(scope="module")
+def usual(animation: Animation, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The files as the usual locale writes them."""
+    pytest.importorskip("alembic3d", reason="alembic3d is not installed")
+    return written(animation, tmp_path_factory.mktemp("usual") / "files")
 
 
 def written(animation: Animation, folder: Path) -> dict[str, bytes]:
@@ -48,9 +63,9 @@ def written(animation: Animation, folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_files_are_written_alike(animation: Animation, foreign: str, tmp_path: Path) -> None:
-    pytest.importorskip("alembic3d", reason="alembic3d is not installed")
-    usual = written(animation, tmp_path / "usual")
+def test_files_are_written_alike(
+    animation: Animation, usual: dict[str, bytes], foreign: str, tmp_path: Path
+) -> None:
     locale.setlocale(locale.LC_ALL, foreign)
     assert locale.str(0.5) == "0,5"
     found = written(animation, tmp_path / "foreign")

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -17,8 +18,9 @@ LIMIT = 500
 
 @pytest.mark.skipif(sys.platform != "linux", reason="forks, and looks for processes in /proc")
 def test_a_killed_command_is_made_good_by_the_same_command(tmp_path: Path) -> None:
-    for module in ("newton", "dask.distributed", "lightning", "alembic3d", "av", "onnx", "jinja2"):
-        pytest.importorskip(module)
+    for module in ("newton", "distributed", "lightning"):
+        if find_spec(module) is None:
+            pytest.skip(f"{module} is not installed")
     words = ["benchmarks/kills.py", "--times", "1", "--only", *COMMANDS]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "TMPDIR": str(tmp_path)}
     done = subprocess.run(

@@ -74,10 +74,9 @@ def hanging_sheet(frames: int) -> Scene:
 
 
 def test_a_sheet_comes_to_lie_on_a_ball_the_same_way_twice(tmp_path: Path) -> None:
-    engine = Newton()
-    scene = sheet_over_a_ball(20, height=0.14)
-    first, second = play(engine, scene), play(engine, scene)
-    assert torch.equal(first, second)
+    first, second = (play(Newton(), sheet_over_a_ball(frames, height=0.14)) for frames in (20, 10))
+    assert torch.equal(first[:10], second)
+    assert float(second[-1].norm(dim=1).min()) < 0.125, "no contact in what was compared"
     distance = first[-1].norm(dim=1)
     assert float(distance.min()) > 0.118
     assert float(first[-1, :, 2].max()) > 0.11

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.resources import files
 from pathlib import Path
 
@@ -227,12 +227,20 @@ def body_arrays(body: Body) -> dict[str, np.ndarray]:
 
 
 def load_body(path: Path | None = None) -> Body:
-    """Read a body npz; without a path, the body that ships with the package.
+    """Read a body npz; without a path, the body that ships with the package, the same one on every call.
 
     Raises InputError naming the file, and the array, if it is missing, damaged, of another format, or holds
     arrays that do not fit together, are out of range or not finite, and for a body that is not in metres.
     """
-    path = path or Path(str(files("uvcloth") / "data" / "body.npz"))
+    return _shipped_body() if path is None else _read(path)
+
+
+@cache
+def _shipped_body() -> Body:
+    return _read(Path(str(files("uvcloth") / "data" / "body.npz")))
+
+
+def _read(path: Path) -> Body:
     return body_of(path, load_arrays(path, BODY_FORMAT, "a body made by `uvcloth body`"))
 
 

@@ -6,8 +6,8 @@ skin around it moves along. The visible body does not change.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from uvcloth.bodies.collider import Collider
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.player import opening
@@ -37,6 +38,9 @@ LONGEST_PUSH = 0.05
 POINT_SPACING = 0.012
 """Metres between the points at which distances are measured; of a finer mesh only some vertices are points.
 """
+
+MOST_KEPT = 8
+"""Openings that are kept: garments on one body share one, or one each for those with and without sleeves."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +64,29 @@ class Opening:
         return apart.to(vertices.device)
 
 
+@dataclass(frozen=True)
+class _AtRest:
+    """A collider and the body (V, 3) m at rest that it belongs to, equal by their content."""
+
+    content: str
+    collider: Collider = field(compare=False)
+    body: Tensor = field(compare=False)
+
+
 def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
-    """Opening of a collider's pressed parts, for a body with vertices (V, 3) m at rest."""
-    body, collider = body_vertices.detach().to("cpu", torch.float32), to_device(collider, CPU)
+    """Opening of a collider's pressed parts, for a body with vertices (V, 3) m at rest.
+
+    The latest ones are kept, and are the same for the same content.
+    """
+    body, collider = body_vertices.detach().to("cpu", torch.float32, copy=True), to_device(collider, CPU)
+    faces = (*collider.parts, *collider.rims)
+    content = fingerprint(f"{collider.pressed} {[len(each) for each in faces]}", *faces, body)
+    return _opening(_AtRest(content, collider, body))
+
+
+@lru_cache(MOST_KEPT)
+def _opening(standing: _AtRest) -> Opening:
+    collider, body = standing.collider, standing.body
     rest, count = body.numpy(), len(body) + len(collider.rims)
     skins = [part[(part < len(body)).all(1)] for part in collider.parts]
     vertices_of = [skin.unique().numpy() for skin in skins]

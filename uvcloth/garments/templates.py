@@ -12,6 +12,7 @@ from torch import Tensor
 
 from rasterize.gather import gather
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.once import once_per_body
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays, smallest_indices
 from uvcloth.garments.attach import DIFFUSION, make_garment
@@ -60,7 +61,15 @@ class Template:
 
 
 def fit_template(name: str, body: Body) -> Garment:
-    """Fit a template to a body at rest. Raises InputError for an unknown name or a body without proxies."""
+    """Fit a template to a body at rest, once for each body.
+
+    Raises InputError for an unknown name or a body without proxies.
+    """
+    return _on_body(body, name)
+
+
+@once_per_body
+def _on_body(body: Body, name: str) -> Garment:
     template = load_template(name)
     mesh = tailored(template, body)
     return make_garment(name, mesh, body, DIFFUSION[name], template=name, source="template")

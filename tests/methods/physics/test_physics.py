@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import pytest
 import torch
@@ -19,7 +20,7 @@ from uvcloth.methods.lbs import LBSConfig, LinearBlendSkinning, create_lbs
 from uvcloth.methods.method import Method
 from uvcloth.methods.physics.finish import Finished, Settled, finished
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import PhysicsConfig
+from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.stop import come_to_rest
@@ -29,13 +30,32 @@ from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.physics.obstacle import Obstacle
 from uvcloth.rollout import BrokenRolloutError, rollout
 
-FAST = Physics(PhysicsConfig("fast"))
 FPS = 30.0
+
+
+@lru_cache
+def _caged(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
+    return make_caged_outfit(outfit, config)
+
+
+class _PreparedOnce(Physics):
+    """Physics of which all tests share what it makes for an outfit."""
+
+    def prepare(self, outfit: Outfit, device: torch.device) -> CagedOutfit:
+        return _caged(outfit, self.config)
+
+
+FAST, DEFAULT = _PreparedOnce(PhysicsConfig("fast")), _PreparedOnce(PhysicsConfig())
 
 
 @pytest.fixture(scope="module")
 def skirt(body: Body) -> Outfit:
     return Outfit(body, (fit_template("skirt", body),))
+
+
+@pytest.fixture(scope="module")
+def trousers_and_shirt(body: Body) -> Outfit:
+    return Outfit(body, (fit_template("bottoms", body), fit_template("tops", body)))
 
 
 def _sliding(body: Body, frames: int, stop: int, speed: float = 1.5) -> Tensor:
@@ -79,9 +99,8 @@ def test_a_clip_that_starts_in_a_run_starts_dressed_and_moving(skirt: Outfit) ->
     assert float((off[3] - off[0]).norm(dim=1).mean()) < 0.13
 
 
-def test_garments_are_off_the_body_in_a_dance(body: Body) -> None:
-    transforms = load_clip("dance", body).window(20, 12).transforms()
-    outfit = Outfit(body, (fit_template("bottoms", body), fit_template("tops", body)))
+def test_garments_are_off_the_body_in_a_dance(body: Body, trousers_and_shirt: Outfit) -> None:
+    transforms, outfit = load_clip("dance", body).window(20, 12).transforms(), trousers_and_shirt
     frames = list(rollout(FAST, outfit, transforms, FPS))
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     for place, garment in enumerate(outfit.garments):
@@ -93,14 +112,13 @@ def test_garments_are_off_the_body_in_a_dance(body: Body) -> None:
     assert wrong_side_percent(outer, inner, outfit.garments[0].mesh.faces) < 0.5
 
 
-def test_sleeves_stay_whole_as_a_crouch_begins_to_turn(body: Body) -> None:
+def test_sleeves_stay_whole_as_a_crouch_begins_to_turn(body: Body, trousers_and_shirt: Outfit) -> None:
     """A vertex that is followed too far over the body stays on a wrong face and stretches edges.
 
     With that fault 1.25 to 1.6 edges a frame are over 3 times their length, without it 0.3 to 0.8.
     """
-    tops = fit_template("tops", body)
-    outfit = Outfit(body, (fit_template("bottoms", body), tops))
-    frames = list(rollout(Physics(PhysicsConfig()), outfit, load_clip("twirl", body).transforms()[:16], 30.0))
+    outfit, tops = trousers_and_shirt, trousers_and_shirt.garments[1]
+    frames = list(rollout(DEFAULT, outfit, load_clip("twirl", body).transforms()[:16], 30.0))
     edges = unique_edges(tops.mesh.faces)
     shirts = torch.stack([frame.vertices[1] for frame in frames])
     stretch = edge_lengths(shirts, edges) / edge_lengths(tops.mesh.vertices, edges).clamp(min=1e-3)
@@ -108,12 +126,11 @@ def test_sleeves_stay_whole_as_a_crouch_begins_to_turn(body: Body) -> None:
     assert float((stretch > 3.0).sum(1).float().mean()) < 1.0
 
 
-def test_a_shirt_does_not_stay_rucked_up_after_a_sudden_stop(body: Body) -> None:
+def test_a_shirt_does_not_stay_rucked_up_after_a_sudden_stop(body: Body, trousers_and_shirt: Outfit) -> None:
     """The fine simulation's hem is 0.97 m high at the end; with soft compression alone it was 1.03 m."""
-    tops = fit_template("tops", body)
-    outfit = Outfit(body, (fit_template("bottoms", body), tops))
+    outfit, tops = trousers_and_shirt, trousers_and_shirt.garments[1]
     stop = come_to_rest(load_clip("twirl", body).window(0, 18), 0.5).transforms()
-    *_, last = rollout(Physics(PhysicsConfig()), outfit, stop, 30.0)
+    *_, last = rollout(DEFAULT, outfit, stop, 30.0)
     hem = tops.mesh.vertices[:, 2] < tops.mesh.vertices[:, 2].min() + 0.03
     assert float(last.vertices[1][hem, 2].mean()) < 0.99
 
