@@ -20,27 +20,12 @@ UVC_INLINE Lanes outside(const LaneBox &box, LaneVec point) {
 // Squares of the distances of a point from eight faces, by the regions of `closest_barycentrics`; far from
 // those without an edge of some length.
 UVC_INLINE Lanes outside(const Block &block, LaneVec point) {
-    LaneVec ap = point - block.a, bp = ap - block.ab, cp = ap - block.ac;
-    Lanes d1 = dot(block.ab, ap), d2 = dot(block.ac, ap), d3 = dot(block.ab, bp);
-    Lanes d4 = dot(block.ac, bp), d5 = dot(block.ab, cp), d6 = dot(block.ac, cp);
-    Lanes to_a = d3 * d6 - d5 * d4, to_b = d5 * d2 - d1 * d6, to_c = d1 * d4 - d3 * d2;
-    Lanes share = 1.0f / (to_a + to_b + to_c), v = to_b * share, w = to_c * share, none{};
-    Lanes one = none + 1.0f, d43 = d4 - d3, d56 = d5 - d6, along = d43 / (d43 + d56);
-    LaneMask is_on = (to_a <= 0.0f) & (d43 >= 0.0f) & (d56 >= 0.0f);
-    v = choose(is_on, one - along, v), w = choose(is_on, along, w);
-    is_on = (to_b <= 0.0f) & (d2 >= 0.0f) & (d6 <= 0.0f);
-    v = choose(is_on, none, v), w = choose(is_on, d2 / (d2 - d6), w);
-    is_on = (to_c <= 0.0f) & (d1 >= 0.0f) & (d3 <= 0.0f);
-    v = choose(is_on, d1 / (d1 - d3), v), w = choose(is_on, none, w);
-    is_on = (d6 >= 0.0f) & (d5 <= d6);
-    v = choose(is_on, none, v), w = choose(is_on, one, w);
-    is_on = (d3 >= 0.0f) & (d4 <= d3);
-    v = choose(is_on, one, v), w = choose(is_on, none, w);
-    is_on = (d1 <= 0.0f) & (d2 <= 0.0f);
-    v = choose(is_on, none, v), w = choose(is_on, none, w);
+    LaneVec ap = point - block.a;
+    Lanes v, w;
+    closest_barycentrics(ap, block.ab, block.ac, v, w);
     LaneVec away = ap - v * block.ab - w * block.ac;
     Lanes squares = dot(away, away);
-    return choose(squares >= 0.0f, squares, none + FAR);
+    return choose(squares >= 0.0f, squares, Lanes{} + FAR);
 }
 
 // The best face so far, and the square of its distance; `limit` is that of a box in which none is better,

@@ -37,6 +37,30 @@ UVC_INLINE LaneVec gather(const Vec *points, const int32_t *indices) {
     return {load(numbers[0]), load(numbers[1]), load(numbers[2])};
 }
 
+// Barycentric coordinates v of b and w of c of the points of triangles that are closest to points, by the regions of
+// `closest_barycentrics`, without a number where all edges have no length. ap, ab, ac: from a to the point, b and c.
+UVC_INLINE void closest_barycentrics(LaneVec ap, LaneVec ab, LaneVec ac, Lanes &v, Lanes &w) {
+    LaneVec bp = ap - ab, cp = ap - ac;
+    Lanes d1 = dot(ab, ap), d2 = dot(ac, ap), d3 = dot(ab, bp);
+    Lanes d4 = dot(ac, bp), d5 = dot(ab, cp), d6 = dot(ac, cp);
+    Lanes to_a = d3 * d6 - d5 * d4, to_b = d5 * d2 - d1 * d6, to_c = d1 * d4 - d3 * d2;
+    Lanes share = 1.0f / (to_a + to_b + to_c), none{};
+    v = to_b * share, w = to_c * share;
+    Lanes one = none + 1.0f, d43 = d4 - d3, d56 = d5 - d6, along = d43 / (d43 + d56);
+    LaneMask is_on = (to_a <= 0.0f) & (d43 >= 0.0f) & (d56 >= 0.0f);
+    v = choose(is_on, one - along, v), w = choose(is_on, along, w);
+    is_on = (to_b <= 0.0f) & (d2 >= 0.0f) & (d6 <= 0.0f);
+    v = choose(is_on, none, v), w = choose(is_on, d2 / (d2 - d6), w);
+    is_on = (to_c <= 0.0f) & (d1 >= 0.0f) & (d3 <= 0.0f);
+    v = choose(is_on, d1 / (d1 - d3), v), w = choose(is_on, none, w);
+    is_on = (d6 >= 0.0f) & (d5 <= d6);
+    v = choose(is_on, none, v), w = choose(is_on, one, w);
+    is_on = (d3 >= 0.0f) & (d4 <= d3);
+    v = choose(is_on, one, v), w = choose(is_on, none, w);
+    is_on = (d1 <= 0.0f) & (d2 <= 0.0f);
+    v = choose(is_on, none, v), w = choose(is_on, none, w);
+}
+
 // Extremes of eight numbers.
 UVC_INLINE float lowest(Lanes a) {
     a = least(a, __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3));

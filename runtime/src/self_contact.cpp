@@ -1,5 +1,7 @@
 #include "self_contact.h"
 
+#include "lanes.h"
+
 namespace uvc {
 
 namespace {
@@ -214,77 +216,119 @@ bool in_ring(const Rings &rings, int vertex, int other) {
     return false;
 }
 
-// Adds the vertices that face f stands for and that are within margin of face g.
-void find_points(const Sheet &sheet, const Vec *positions, int f, int g, float margin,
-                 List<PointPair> &points) {
-    Face owner = sheet.surface.faces.at(f), face = sheet.surface.faces.at(g);
-    Vec a = positions[face.a], b = positions[face.b], c = positions[face.c];
-    Vec normal = unit(cross(b - a, c - a));
-    for (int corner = 0; corner < 3; corner++) {
-        if (!(sheet.owned.at(f) >> corner & 1)) continue;
-        int vertex = owner[corner];
-        Vec point = positions[vertex];
-        float height = dot(point - a, normal);
-        if (absolute(height) > margin) continue;
-        if (in_ring(sheet.rings, vertex, face.a) || in_ring(sheet.rings, vertex, face.b) ||
-            in_ring(sheet.rings, vertex, face.c))
-            continue;
-        Vec away = point - weighted(closest_barycentrics(point, a, b, c), a, b, c);
-        if (dot(away, away) <= margin * margin) points.add({{vertex, g}, height >= 0 ? 1.0f : -1.0f});
-    }
-}
-
 // Closest points p0 + s (p1 - p0) and q0 + t (q1 - q0) of two segments: s, t, and their difference.
-Vec closest_on_segments(Vec p0, Vec p1, Vec q0, Vec q1, float &s, float &t) {
-    Vec along_p = p1 - p0, along_q = q1 - q0, apart = p0 - q0;
-    float a = dot(along_p, along_p), e = dot(along_q, along_q), b = dot(along_p, along_q);
-    float c = dot(along_p, apart), f = dot(along_q, apart), slant = a * e - b * b;
-    s = slant > PARALLEL * a * e ? clamp((b * f - c * e) / slant, 0, 1) : 0.5f;
+template <class F>
+UVC_INLINE Vector<F> closest_on_segments(Vector<F> p0, Vector<F> p1, Vector<F> q0, Vector<F> q1, F &s, F &t) {
+    Vector<F> along_p = p1 - p0, along_q = q1 - q0, apart = p0 - q0;
+    F a = dot(along_p, along_p), e = dot(along_q, along_q), b = dot(along_p, along_q);
+    F c = dot(along_p, apart), f = dot(along_q, apart), slant = a * e - b * b;
+    s = choose(slant > PARALLEL * a * e, clamp((b * f - c * e) / slant, 0, 1), F{} + 0.5f);
     t = (b * s + f) / (e + TINY);
-    if (t < 0) {
-        t = 0;
-        s = clamp(-c / (a + TINY), 0, 1);
-    } else if (t > 1) {
-        t = 1;
-        s = clamp((b - c) / (a + TINY), 0, 1);
-    }
+    s = choose(t < 0.0f, clamp(-c / (a + TINY), 0, 1), choose(t > 1.0f, clamp((b - c) / (a + TINY), 0, 1), s));
+    t = clamp(t, 0, 1);
     return (p0 + s * along_p) - (q0 + t * along_q);
 }
 
-Vec between_edges(const Sheet &sheet, const Vec *positions, Two two, float &s, float &t) {
-    Two p = sheet.edges.at(two.first), q = sheet.edges.at(two.second);
-    return closest_on_segments(positions[p.first], positions[p.second], positions[q.first],
-                               positions[q.second], s, t);
+// Pairs that may be near, eight at a time: a first and a second thing, four vertices, and the distance, m, within which
+// they count.
+struct Candidates {
+    Two pairs[LANES];
+    int32_t vertices[4][LANES];
+    float margins[LANES];
+    int count = 0;
+
+    void add(Two pair, int a, int b, int c, int d, float margin) {
+        pairs[count] = pair;
+        vertices[0][count] = a;
+        vertices[1][count] = b;
+        vertices[2][count] = c;
+        vertices[3][count] = d;
+        margins[count++] = margin;
+    }
+
+    // Fills up with the last one, and returns a bit for each.
+    unsigned close() {
+        unsigned lanes = (1u << count) - 1;
+        for (; count < LANES; count++) {
+            for (int corner = 0; corner < 4; corner++) vertices[corner][count] = vertices[corner][count - 1];
+            margins[count] = margins[count - 1];
+        }
+        count = 0;
+        return lanes;
+    }
+};
+
+// Keeps those vertices that are within the margin of a face and no corner or neighbour of one.
+void keep_points(const Sheet &sheet, const Vec *positions, Candidates &some, List<PointPair> &points) {
+    if (!some.count) return;
+    unsigned lanes = some.close();
+    LaneVec a = gather(positions, some.vertices[1]), ap = gather(positions, some.vertices[0]) - a;
+    LaneVec ab = gather(positions, some.vertices[2]) - a, ac = gather(positions, some.vertices[3]) - a;
+    Lanes v, w, margins = load(some.margins);
+    closest_barycentrics(ap, ab, ac, v, w);
+    LaneVec away = ap - v * ab - w * ac;
+    unsigned above = bits(dot(ap, cross(ab, ac)) >= 0.0f);
+    for (lanes &= bits(dot(away, away) <= margins * margins); lanes;) {
+        int lane = take(lanes), vertex = some.vertices[0][lane];
+        bool is_beside = false;
+        for (int corner = 1; corner < 4; corner++)
+            is_beside = is_beside || in_ring(sheet.rings, vertex, some.vertices[corner][lane]);
+        if (!is_beside) points.add({some.pairs[lane], above >> lane & 1 ? 1.0f : -1.0f});
+    }
 }
 
-bool separate(float a, float b, float c, float d, float margin) {
-    return least(a, b) > most(c, d) + margin || least(c, d) > most(a, b) + margin;
+// Keeps those edges that are within the margin of another, and share no end and no edge between ends with it.
+void keep_edges(const Sheet &sheet, const Vec *positions, Candidates &some, List<EdgePair> &edges) {
+    if (!some.count) return;
+    unsigned lanes = some.close();
+    Lanes s, t, margins = load(some.margins);
+    LaneVec apart = closest_on_segments(gather(positions, some.vertices[0]), gather(positions, some.vertices[1]),
+                                        gather(positions, some.vertices[2]), gather(positions, some.vertices[3]),
+                                        s, t);
+    Lanes squares = dot(apart, apart);
+    LaneVec directions = (1.0f / (root(squares) + TINY)) * apart;
+    for (lanes &= bits(squares <= margins * margins); lanes;) {
+        int lane = take(lanes);
+        int p0 = some.vertices[0][lane], p1 = some.vertices[1][lane], q0 = some.vertices[2][lane],
+            q1 = some.vertices[3][lane];
+        if (in_ring(sheet.rings, p0, q0) || in_ring(sheet.rings, p0, q1) || in_ring(sheet.rings, p1, q0) ||
+            in_ring(sheet.rings, p1, q1))
+            continue;
+        edges.add({some.pairs[lane], pick(directions, lane)});
+    }
 }
 
-// Adds the edges that faces f and g stand for and that are within margin of each other.
-void find_edges(const Sheet &sheet, const Vec *positions, int f, int g, float margin, List<EdgePair> &edges) {
-    for (int i = 0; i < 3; i++) {
-        if (!(sheet.owned.at(f) >> (3 + i) & 1)) continue;
-        int first = sheet.face_edges.at(f)[i];
-        Two p = sheet.edges.at(first);
-        Vec p0 = positions[p.first], p1 = positions[p.second];
-        for (int j = 0; j < 3; j++) {
-            if (!(sheet.owned.at(g) >> (3 + j) & 1)) continue;
-            int second = sheet.face_edges.at(g)[j];
-            Two q = sheet.edges.at(second);
-            Vec q0 = positions[q.first], q1 = positions[q.second];
-            if (separate(p0.x, p1.x, q0.x, q1.x, margin) || separate(p0.y, p1.y, q0.y, q1.y, margin) ||
-                separate(p0.z, p1.z, q0.z, q1.z, margin))
-                continue;
-            if (in_ring(sheet.rings, p.first, q.first) || in_ring(sheet.rings, p.first, q.second) ||
-                in_ring(sheet.rings, p.second, q.first) || in_ring(sheet.rings, p.second, q.second))
-                continue;
-            float s, t;
-            Vec apart = closest_on_segments(p0, p1, q0, q1, s, t);
-            if (dot(apart, apart) > margin * margin) continue;
-            edges.add({{first, second}, (1 / (length(apart) + TINY)) * apart});
+// Finds the pairs of the faces in `leaves`.
+void find_in_leaves(const Sheet &sheet, const Vec *positions, float margin, float interval, SelfContact &contact) {
+    const BoxTree &tree = sheet.tree;
+    Candidates points, edges;
+    auto add_corners = [&](int f, int g, float watched) {
+        Face owner = tree.faces.at(f), face = tree.faces.at(g);
+        for (int corner = 0; corner < 3; corner++) {
+            if (!(sheet.owned.at(f) >> corner & 1)) continue;
+            points.add({owner[corner], g}, owner[corner], face.a, face.b, face.c, watched);
+            if (points.count == LANES) keep_points(sheet, positions, points, contact.points);
+        }
+    };
+    for (Two leaf : contact.leaves.items) {
+        int f = tree.order.at(tree.nodes.at(leaf.first).first);
+        int g = tree.order.at(tree.nodes.at(leaf.second).first);
+        float watched = margin + interval * relative_speed(contact, leaf.first, leaf.second);
+        add_corners(f, g, watched);
+        add_corners(g, f, watched);
+        for (int i = 0; i < 3; i++) {
+            if (!(sheet.owned.at(f) >> (3 + i) & 1)) continue;
+            for (int j = 0; j < 3; j++) {
+                if (!(sheet.owned.at(g) >> (3 + j) & 1)) continue;
+                int first = sheet.face_edges.at(f)[i], second = sheet.face_edges.at(g)[j];
+                Two p = sheet.edges.at(first), q = sheet.edges.at(second);
+                edges.add({first, second}, p.first, p.second, q.first, q.second, watched);
+                if (edges.count == LANES) keep_edges(sheet, positions, edges, contact.edges);
+            }
         }
     }
+    keep_points(sheet, positions, points, contact.points);
+    keep_edges(sheet, positions, edges, contact.edges);
 }
 
 // Orders pairs by their first index: where each of `count` begins, and the order.
@@ -316,24 +360,19 @@ void wait_for_none(List<int32_t> &wait, int count) {
 }
 
 // Four vertices, and their shares of a relative motion.
-struct Four {
+struct Corners {
     int32_t corners[4];
     float shares[4];
 };
 
-Vec relative(const Vec *velocities, const Four &four) {
+Vec relative(const Vec *velocities, const Corners &four) {
     Vec total{};
     for (int j = 0; j < 4; j++) total += four.shares[j] * velocities[four.corners[j]];
     return total;
 }
 
-// Substeps in which a pair with a gap, m, cannot touch.
-int until(float gap, Vec motion, float step) {
-    return (int)least(1e6f, gap / (2 * step * (length(motion) + ALERT_SPEED)));
-}
-
 // Moves four vertices apart along a normal by a negative gap, and stops their approach.
-void push_apart(const Four &four, Vec normal, float gap, Vec *positions, Vec *velocities,
+void push_apart(const Corners &four, Vec normal, float gap, Vec *positions, Vec *velocities,
                 const Particles &particles, float step) {
     float light = 0;
     for (int j = 0; j < 4; j++)
@@ -354,8 +393,8 @@ void push_apart(const Four &four, Vec normal, float gap, Vec *positions, Vec *ve
     }
 }
 
-int resolve_point(const Sheet &sheet, PointPair &pair, Vec *positions, Vec *velocities,
-                  const Particles &particles, float radius, float step) {
+void resolve_point(const Sheet &sheet, const PointPair &pair, Vec *positions, Vec *velocities,
+                   const Particles &particles, float radius, float step) {
     Face face = sheet.surface.faces.at(pair.two.second);
     Vec point = positions[pair.two.first];
     Vec a = positions[face.a], b = positions[face.b], c = positions[face.c];
@@ -364,39 +403,146 @@ int resolve_point(const Sheet &sheet, PointPair &pair, Vec *positions, Vec *velo
     float height = dot(point - a, normal), distance = length(away);
     bool inside = weights.x > 0 && weights.y > 0 && weights.z > 0;
     float gap = (inside ? height : distance) - radius;
-    Four four{{pair.two.first, face.a, face.b, face.c}, {1, -weights.x, -weights.y, -weights.z}};
-    if (gap >= 0) return until(gap, relative(velocities, four), step);
+    if (gap >= 0) return;
+    Corners four{{pair.two.first, face.a, face.b, face.c}, {1, -weights.x, -weights.y, -weights.z}};
     if (inside) {
-        if (gap < -2 * radius - LOST) return 0;
+        if (gap < -2 * radius - LOST) return;
     } else {
         // Beside a face, the side of a vertex is not defined.
-        if (height < 0 || distance < TOUCHING) return 0;
+        if (height < 0 || distance < TOUCHING) return;
         normal = (1 / distance) * away;
     }
     push_apart(four, normal, gap, positions, velocities, particles, step);
-    return 0;
 }
 
-int resolve_edges(const Sheet &sheet, EdgePair &pair, Vec *positions, Vec *velocities,
-                  const Particles &particles, float radius, float step) {
+void resolve_edges(const Sheet &sheet, EdgePair &pair, Vec *positions, Vec *velocities,
+                   const Particles &particles, float radius, float step) {
+    Two p = sheet.edges.at(pair.two.first), q = sheet.edges.at(pair.two.second);
     float s, t;
-    Vec apart = between_edges(sheet, positions, pair.two, s, t);
+    Vec apart = closest_on_segments(positions[p.first], positions[p.second], positions[q.first],
+                                    positions[q.second], s, t);
     float distance = length(apart);
     bool crossed = dot(apart, pair.direction) < 0;
-    Two p = sheet.edges.at(pair.two.first), q = sheet.edges.at(pair.two.second);
-    Four four{{p.first, p.second, q.first, q.second}, {1 - s, s, t - 1, -t}};
     if (!crossed) {
         if (distance > TOUCHING) pair.direction = (1 / distance) * apart;
-        if (distance >= radius) return until(distance - radius, relative(velocities, four), step);
+        if (distance >= radius) return;
     }
-    if (s <= 0 || s >= 1 || t <= 0 || t >= 1 || (crossed && distance > LOST_EDGES)) return 0;
+    if (s <= 0 || s >= 1 || t <= 0 || t >= 1 || (crossed && distance > LOST_EDGES)) return;
     Vec normal = pair.direction;
     if (crossed) {
         if (distance > TOUCHING) normal = (-1 / distance) * apart;
         distance = -distance;
     }
+    Corners four{{p.first, p.second, q.first, q.second}, {1 - s, s, t - 1, -t}};
     push_apart(four, normal, distance - radius, positions, velocities, particles, step);
-    return 0;
+}
+
+// Eight pairs that are looked at together, the last one again where there are fewer.
+struct Eight {
+    int32_t pairs[LANES];
+    int count;
+};
+
+// Substeps in which pairs with a gap, m, cannot touch.
+UVC_INLINE LaneMask until(Lanes gap, LaneVec motion, float step) {
+    Lanes substeps = gap / (2 * step * (root(dot(motion, motion)) + ALERT_SPEED));
+    return __builtin_convertvector(least(substeps, Lanes{} + 1e6f), LaneMask);
+}
+
+// Sets the substeps that pairs wait, of those that are apart.
+void wait_where(LaneMask is_apart, LaneMask substeps, const Eight &eight, Array<int32_t> wait) {
+    for (unsigned lanes = bits(is_apart) & ((1u << eight.count) - 1); lanes;) {
+        int lane = take(lanes);
+        wait.at(eight.pairs[lane]) = substeps[lane];
+    }
+}
+
+// Looks at eight pairs of a vertex and a face, sets how long those wait that are apart, and returns a bit for each
+// that has to be resolved.
+unsigned look_at_points(const Sheet &sheet, Array<PointPair> pairs, const Eight &eight, const Vec *positions,
+                        const Vec *velocities, float radius, float step, Array<int32_t> wait) {
+    int32_t corners[4][LANES];
+    float sides[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        const PointPair &pair = pairs.at(eight.pairs[lane]);
+        Face face = sheet.surface.faces.at(pair.two.second);
+        sides[lane] = pair.side;
+        corners[0][lane] = pair.two.first;
+        corners[1][lane] = face.a;
+        corners[2][lane] = face.b;
+        corners[3][lane] = face.c;
+    }
+    LaneVec a = gather(positions, corners[1]), ap = gather(positions, corners[0]) - a;
+    LaneVec ab = gather(positions, corners[2]) - a, ac = gather(positions, corners[3]) - a;
+    Lanes v, w;
+    closest_barycentrics(ap, ab, ac, v, w);
+    Lanes u = 1.0f - v - w;
+    LaneVec away = ap - v * ab - w * ac, normal = cross(ab, ac);
+    Lanes height = load(sides) * dot(ap, normal) / (root(dot(normal, normal)) + TINY);
+    Lanes distance = root(dot(away, away));
+    LaneMask inside = (u > 0.0f) & (v > 0.0f) & (w > 0.0f);
+    Lanes gap = choose(inside, height, distance) - radius;
+    LaneVec motion = gather(velocities, corners[0]) - u * gather(velocities, corners[1]) -
+                     v * gather(velocities, corners[2]) - w * gather(velocities, corners[3]);
+    wait_where(gap >= 0.0f, until(gap, motion, step), eight, wait);
+    LaneMask is_side_known = inside ? gap >= -2 * radius - LOST : (height >= 0.0f) & (distance >= TOUCHING);
+    // A face without an area leaves no number: it is looked at alone.
+    return bits(~(gap >= 0.0f) & (is_side_known | ~(gap < 0.0f)));
+}
+
+// The same for pairs of edges, whose directions are renewed.
+unsigned look_at_edges(const Sheet &sheet, Array<EdgePair> pairs, const Eight &eight, const Vec *positions,
+                       const Vec *velocities, float radius, float step, Array<int32_t> wait) {
+    int32_t ends[4][LANES];
+    float directions[3][LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        const EdgePair &pair = pairs.at(eight.pairs[lane]);
+        Two p = sheet.edges.at(pair.two.first), q = sheet.edges.at(pair.two.second);
+        ends[0][lane] = p.first;
+        ends[1][lane] = p.second;
+        ends[2][lane] = q.first;
+        ends[3][lane] = q.second;
+        directions[0][lane] = pair.direction.x;
+        directions[1][lane] = pair.direction.y;
+        directions[2][lane] = pair.direction.z;
+    }
+    Lanes s, t;
+    LaneVec apart = closest_on_segments(gather(positions, ends[0]), gather(positions, ends[1]),
+                                        gather(positions, ends[2]), gather(positions, ends[3]), s, t);
+    LaneVec direction = {load(directions[0]), load(directions[1]), load(directions[2])};
+    Lanes distance = root(dot(apart, apart));
+    LaneMask crossed = dot(apart, direction) < 0.0f, is_apart = ~crossed & (distance >= radius);
+    LaneVec motion = (1.0f - s) * gather(velocities, ends[0]) + s * gather(velocities, ends[1]) -
+                     (1.0f - t) * gather(velocities, ends[2]) - t * gather(velocities, ends[3]);
+    wait_where(is_apart, until(distance - radius, motion, step), eight, wait);
+    LaneVec renewed = (1.0f / (distance + TINY)) * apart;
+    for (unsigned lanes = bits(~crossed & (distance > TOUCHING)) & ((1u << eight.count) - 1); lanes;) {
+        int lane = take(lanes);
+        pairs.at(eight.pairs[lane]).direction = pick(renewed, lane);
+    }
+    LaneMask is_between = (s > 0.0f) & (s < 1.0f) & (t > 0.0f) & (t < 1.0f);
+    return bits(~is_apart & is_between & ~(crossed & (distance > LOST_EDGES)));
+}
+
+// Looks at pairs that do not wait, eight at a time, and resolves those that are too near, one after another.
+template <class Pair, class Look, class Resolve>
+void resolve_all(Array<Pair> pairs, Array<int32_t> wait, Look look, Resolve resolve) {
+    Eight eight{};
+    auto resolve_eight = [&] {
+        for (int lane = eight.count; lane < LANES; lane++) eight.pairs[lane] = eight.pairs[eight.count - 1];
+        for (unsigned lanes = look(eight) & ((1u << eight.count) - 1); lanes;)
+            resolve(pairs.at(eight.pairs[take(lanes)]));
+        eight.count = 0;
+    };
+    for (int k = 0; k < pairs.size; k++) {
+        if (wait.at(k) > 0) {
+            wait.at(k)--;
+            continue;
+        }
+        eight.pairs[eight.count++] = k;
+        if (eight.count == LANES) resolve_eight();
+    }
+    if (eight.count) resolve_eight();
 }
 
 }  // namespace
@@ -454,14 +600,7 @@ bool find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities,
     swap(contact.edges, contact.edges_before);
     contact.points.clear();
     contact.edges.clear();
-    for (Two leaf : contact.leaves.items) {
-        int f = tree.order.at(tree.nodes.at(leaf.first).first);
-        int g = tree.order.at(tree.nodes.at(leaf.second).first);
-        float watched = margin + interval * relative_speed(contact, leaf.first, leaf.second);
-        find_points(sheet, positions, f, g, watched, contact.points);
-        find_points(sheet, positions, g, f, watched, contact.points);
-        find_edges(sheet, positions, f, g, watched, contact.edges);
-    }
+    find_in_leaves(sheet, positions, margin, interval, contact);
     remember(contact.points.items, contact.points_before.items, surface.vertices, contact,
              [](PointPair &pair, const PointPair &old) { pair.side = old.side; });
     remember(contact.edges.items, contact.edges_before.items, sheet.edges.size, contact,
@@ -495,18 +634,25 @@ void drop_caught(const Sheet &sheet, const Collider &collider, const int32_t *ca
 
 void resolve_pairs(const Sheet &sheet, SelfContact &contact, Vec *positions, Vec *velocities,
                    const Particles &particles, float radius, float step) {
-    for (int k = 0; k < contact.points.items.size; k++) {
-        int32_t &wait = contact.point_wait.items.at(k);
-        wait = wait > 0 ? wait - 1
-                        : resolve_point(sheet, contact.points.items.at(k), positions, velocities, particles,
-                                        radius, step);
-    }
-    for (int k = 0; k < contact.edges.items.size; k++) {
-        int32_t &wait = contact.edge_wait.items.at(k);
-        wait = wait > 0 ? wait - 1
-                        : resolve_edges(sheet, contact.edges.items.at(k), positions, velocities, particles,
-                                        radius, step);
-    }
+    Array<PointPair> points = contact.points.items;
+    Array<EdgePair> edges = contact.edges.items;
+    Array<int32_t> point_wait = contact.point_wait.items, edge_wait = contact.edge_wait.items;
+    resolve_all(
+        points, point_wait,
+        [&](const Eight &eight) {
+            return look_at_points(sheet, points, eight, positions, velocities, radius, step, point_wait);
+        },
+        [&](const PointPair &pair) {
+            resolve_point(sheet, pair, positions, velocities, particles, radius, step);
+        });
+    resolve_all(
+        edges, edge_wait,
+        [&](const Eight &eight) {
+            return look_at_edges(sheet, edges, eight, positions, velocities, radius, step, edge_wait);
+        },
+        [&](EdgePair &pair) {
+            resolve_edges(sheet, pair, positions, velocities, particles, radius, step);
+        });
 }
 
 }  // namespace uvc

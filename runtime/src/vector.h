@@ -40,6 +40,7 @@ UVC_INLINE Lanes least(float a, Lanes b) { return least(Lanes{} + a, b); }
 UVC_INLINE int least(int a, int b) { return b < a ? b : a; }
 UVC_INLINE int most(int a, int b) { return b > a ? b : a; }
 UVC_INLINE float clamp(float a, float low, float high) { return least(most(a, low), high); }
+UVC_INLINE Lanes clamp(Lanes a, float low, float high) { return least(most(a, low), Lanes{} + high); }
 
 // Whether a number is neither infinite nor NaN. By its bits: fast arithmetic assumes that all are.
 UVC_INLINE bool is_finite(float a) {
