@@ -15,8 +15,8 @@ constexpr float HOLD_DAMPING = 0.7f, PULL_DAMPING = 0.3f;
 // a frame, that can be followed.
 constexpr float FASTEST_BODY = 40.0f;
 
-// Change of a root's speed in a frame, m/s, and speed of its turn, radians/s, above which it jumps. In mocap they
-// are below 7.5 and 37.
+// Change of a root's speed in a frame, m/s, and speed of its turn, radians/s, above which it jumps. In mocap
+// they are below 7.5 and 37.
 constexpr double JUMP_SPEED = 10, JUMP_TURN = 45;
 
 // Times that a frame is repeated, each with twice the substeps.
@@ -301,8 +301,8 @@ void forget(Character &character) {
 }  // namespace
 
 Character::Character(const Outfit &outfit)
-    : outfit(outfit), is_started(false), place{1, 0, {}}, root{}, spin(0), steps(0), solved(0), rate(0), origin{}, drift{},
-      shown_origin{} {
+    : outfit(outfit), is_started(false), place{1, 0, {}}, root{}, spin(0), steps(0), solved(0), rate(0),
+      origin{}, drift{}, shown_origin{} {
     int cages = outfit.cages.vertices(), rows = outfit.solver.collider.parts * cages;
     guide = arena.take<Vec64>(cages);
     positions = arena.take<Vec>(cages);
@@ -323,6 +323,7 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
     if (!are_places(joints, count, failure)) return false;
     Arena work;
     Array<Rigid> transforms = work.copy(joints, count), way = work.take<Rigid>(count);
+    Place before = character.place;
     change_place(character, place_of(joints[0], skeleton.heads[0]));
     bring_in(character.place, transforms.data, count);
     character.root = transforms[0];
@@ -351,13 +352,16 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
             continue;
         }
         Next next;
-        if (!solve(character, SETTLING_SECONDS, arena, next, failure)) return false;
+        if (!solve(character, SETTLING_SECONDS, arena, next, failure)) {
+            change_place(character, before);  // What is shown stays where it is.
+            return false;
+        }
         accept(character, next);
         // Kinetic damping (Barnes 1999): cloth that slows down is stopped, or a skirt would swing for seconds.
-        double before = energy;
+        double last = energy;
         energy = 0;
         for (Vec velocity : character.velocities) energy += (double)dot(velocity, velocity);
-        if (energy < before) {
+        if (energy < last) {
             memset(character.velocities.data, 0, sizeof(Vec) * (size_t)character.velocities.size);
             energy = 0;
         }

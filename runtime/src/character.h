@@ -15,9 +15,9 @@ struct Posed {
 
 // All that a character's cloth remembers; everything is in the frame of `place`, that of the first root.
 //
-// root: transform of the first joint in the last pose that the cloth could follow; spin: radians/s, its turning
-// about the vertical. steps: since the start; solved: frames that were solved. guide: (n) m, and rate, 1/s: what pulls the cages,
-// if the rate is not 0. origin: mean of the cages' targets, m;
+// root: transform of the first joint in the last pose that the cloth could follow; spin: radians/s, its
+// turning about the vertical. steps: since the start; solved: frames that were solved. guide: (n) m, and rate,
+// 1/s: what pulls the cages, if the rate is not 0. origin: mean of the cages' targets, m;
 // drift: m/s, its velocity. positions, m, and velocities, m/s, of the cloth (n), targets (n) and collider (C)
 // are around that origin. memory: of the clearing. shown: (U) points around shown_origin; `posed` is of the last
 // pose that was asked for, shown of the last that the cloth could follow.
@@ -50,9 +50,9 @@ void pull(Character &character, const Vec64 *points, float rate);
 // sentence, for joints that are not finite, or cloth that cannot rest.
 bool start(Character &character, const Rigid *joints, Failure &failure);
 
-// Moves cloth to the next frame of so many seconds, and clears the garments that follow it. Where the root jumps,
-// the cloth is carried along. Returns false, with a sentence, and leaves the cloth as it was, for joints that are
-// not finite, a body that is too fast, or cloth that flies apart.
+// Moves cloth to the next frame of so many seconds, and clears the garments that follow it. Where the root
+// jumps, the cloth is carried along. Returns false, with a sentence, and leaves the cloth as it was, for joints
+// that are not finite, a body that is too fast, or cloth that flies apart.
 bool step(Character &character, const Rigid *joints, float seconds, Failure &failure);
 
 // Bytes of all that a character's cloth remembers now.
