@@ -52,13 +52,15 @@ HEADERS := $(wildcard runtime/include/*.h runtime/src/*.h)
 OBJECTS := $(patsubst runtime/src/%.cpp,$(SANITIZED)/%.o,$(wildcard runtime/src/*.cpp))
 CHECKS := $(patsubst runtime/tests/%.cpp,$(SANITIZED)/%,$(wildcard runtime/tests/*.cpp))
 
-# What test_outfit makes its mutants of.
+# What test_outfit makes its mutants of, and the code that bakes it.
 SMALL := $(SANITIZED)/outfit $(SANITIZED)/motion
+BAKING := tests/player/small_outfit.py $(wildcard uvcloth/methods/physics/*.py uvcloth/physics/*.py \
+	uvcloth/physics/cloth/*.py uvcloth/player/*.py)
 
 sanitize: $(CHECKS) $(SMALL)
 	@for check in $(CHECKS); do echo $$check; $$check $(SMALL) || exit 1; done
 
-$(SMALL) &: tests/player/small_outfit.py | install
+$(SMALL) &: $(BAKING) | install
 	@mkdir -p $(SANITIZED)
 	$(BIN)/python -m tests.player.small_outfit $(SMALL)
 

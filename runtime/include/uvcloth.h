@@ -53,9 +53,9 @@ UVC_API int uvc_start(uvc_cloth *cloth, const double *joints, char *message, siz
 
 /* Moves cloth on to the pose of joints, `seconds` later. The first step after uvc_start is to the pose of the
  * first frame. Where the root jumps, its speed changing by more than 10 m/s or its turn being faster than
- * 45 radians/s, the cloth comes along as it hangs. Returns 1, or 0 and a sentence for cloth that was not started,
- * joints that are not finite, a body that is faster than 40 m/s past the cloth, a frame without length, and cloth
- * that flies apart; the cloth stays as it was then. */
+ * 45 radians/s, the cloth comes along as it hangs. Returns 1, or 0 and a sentence for cloth that was not
+ * started, joints that are not finite, a body that is faster than 40 m/s past the cloth, a frame without length,
+ * and cloth that flies apart; the cloth stays as it was then. */
 UVC_API int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, char *message, size_t room);
 
 /* Pulls the cages, on which the cloth is solved, to points (n, 3), m, in the world of the joints, by springs of
@@ -76,7 +76,8 @@ UVC_API int uvc_set_fabric(uvc_cloth *cloth, int garment, double density, double
                            size_t room);
 
 /* All that the cloth remembers, as so many bytes: written, and read again by cloth in the same outfit, which
- * goes on from there. uvc_restore returns 0 for other bytes, and changes nothing then. They are for this machine and this version. */
+ * goes on from there. uvc_restore returns 0 for other bytes, and changes nothing then. They are for this machine
+ * and this version. */
 UVC_API size_t uvc_saved_size(const uvc_cloth *cloth);
 UVC_API void uvc_save(const uvc_cloth *cloth, void *bytes);
 UVC_API int uvc_restore(uvc_cloth *cloth, const void *bytes, size_t size);

@@ -18,8 +18,8 @@ constexpr float HOLD_DAMPING = 0.7f, PULL_DAMPING = 0.3f;
 // a frame, that can be followed.
 constexpr float FASTEST_BODY = 40.0f;
 
-// Change of a root's speed in a frame, m/s, and speed of its turn, radians/s, above which it jumps. In mocap they
-// are below 7.5 and 37.
+// Change of a root's speed in a frame, m/s, and speed of its turn, radians/s, above which it jumps. In mocap
+// they are below 7.5 and 37.
 constexpr double JUMP_SPEED = 10, JUMP_TURN = 45;
 
 // Times that a frame is repeated, each with twice the substeps.
@@ -341,6 +341,7 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
     Arena &work = character.scratch;
     Scope scope(work);
     Array<Rigid> transforms = work.copy(joints, count), way = work.take<Rigid>(count);
+    Place before = character.place;
     change_place(character, place_of(joints[0], skeleton.heads[0]));
     bring_in(character.place, transforms.data, count);
     character.root = transforms[0];
@@ -369,13 +370,16 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
             continue;
         }
         Next next;
-        if (!solve(character, SETTLING_SECONDS, work, next, failure)) return false;
+        if (!solve(character, SETTLING_SECONDS, work, next, failure)) {
+            change_place(character, before);  // What is shown stays where it is.
+            return false;
+        }
         accept(character, next);
         // Kinetic damping (Barnes 1999): cloth that slows down is stopped, or a skirt would swing for seconds.
-        double before = energy;
+        double last = energy;
         energy = 0;
         for (Vec velocity : character.velocities) energy += (double)dot(velocity, velocity);
-        if (energy < before) {
+        if (energy < last) {
             memset(character.velocities.data, 0, sizeof(Vec) * (size_t)character.velocities.size);
             energy = 0;
         }

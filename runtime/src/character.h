@@ -72,9 +72,9 @@ void renew_material(Character &character);
 // sentence, for joints that are not finite, or cloth that cannot rest.
 bool start(Character &character, const Rigid *joints, Failure &failure);
 
-// Moves cloth to the next frame of so many seconds, and clears the garments that follow it. Where the root jumps,
-// the cloth is carried along. Returns false, with a sentence, and leaves the cloth as it was, for joints that are
-// not finite, a body that is too fast, or cloth that flies apart.
+// Moves cloth to the next frame of so many seconds, and clears the garments that follow it. Where the root
+// jumps, the cloth is carried along. Returns false, with a sentence, and leaves the cloth as it was, for joints
+// that are not finite, a body that is too fast, or cloth that flies apart.
 bool step(Character &character, const Rigid *joints, float seconds, Failure &failure);
 
 // Bytes of all that a character's cloth remembers now.

@@ -13,6 +13,9 @@ constexpr float CLOSE = 0.01f;
 // Seconds after a search of all faces in which a vertex is followed within the whole reach.
 constexpr float LONGEST = 1.0f / 60.0f;
 
+// Metres beyond which nothing is.
+constexpr float FAR = 1e9f;
+
 // Metres by which distances may be off by rounding.
 constexpr float ROUNDED = 1e-5f;
 
@@ -108,9 +111,10 @@ void put_in_lanes(const Vec *vectors, int count, Array<LaneVec> blocks) {
     }
 }
 
-// Box around some points.
+// Box around some points; around none one in which nothing is.
 void bound(Array<int32_t> indices, const Vec *points, Vec &low, Vec &high) {
-    low = high = points[indices.at(0)];
+    low = {FAR, FAR, FAR};
+    high = -low;
     for (int index : indices) {
         Vec p = points[index];
         low = {least(low.x, p.x), least(low.y, p.y), least(low.z, p.z)};

@@ -14,7 +14,7 @@ constexpr int MOST_ROWS = 1 << 24;
 // Most numbers of all sections: those that repeat take nearly no bytes, but time and memory.
 constexpr uint64_t MOST_NUMBERS = 1 << 26;
 
-// Most of the sum, over all vertices, of the squared number of faces around each. Usual meshes have 36 a vertex.
+// Most of the sum, over all vertices, of the squared number of faces around each: usually 36 a vertex.
 constexpr int64_t MOST_CROWDED = 1 << 30;
 
 // What the coded whole numbers are: the bits of floats, themselves, or steps of a float.

@@ -565,7 +565,7 @@ Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure) {
     sheet.apart = read_integers(sections, "sheet.apart", pieces, pieces, arena, failure);
     sheet.spacing = read_number(sections, "sheet.spacing", failure);
     for (int piece = 0; piece < pieces && !failure.failed; piece++)
-        if (starts[piece] == starts[piece + 1]) failure.say("piece %d of the outfit's cloth has no faces", piece);
+        if (starts[piece] == starts[piece + 1]) failure.say("piece %d of the cloth has no faces", piece);
     if (failure.failed) return {};
     Array<Face> triangles{reinterpret_cast<Face *>(corners.data), faces};
     Vec *points = reinterpret_cast<Vec *>(rest.data);

@@ -61,9 +61,10 @@ double angle_between(const Rigid &before, const Rigid &now);
 // The part of it that is about the vertical.
 double heading_between(const Rigid &before, const Rigid &now);
 
-// The place in whose frame a root that jumps is where it would have gone: from `before` by `way`, m, turned by an
-// angle about the vertical. before, now: the root in the frame of `place`, with its head at rest at `head`, m.
-Place after_jump(const Place &place, const Rigid &before, const Rigid &now, Vec64 head, Vec64 way, double angle);
+// The place in whose frame a root that jumps is where it would have gone: from `before` by `way`, m, turned by
+// an angle about the vertical. before, now: the root in the frame of `place`, its head at rest at `head`, m.
+Place after_jump(const Place &place, const Rigid &before, const Rigid &now, Vec64 head, Vec64 way,
+                 double angle);
 
 // Brings transforms (J) into the frame of a place, in place, rounded: turned or shifted scenes get the same.
 void bring_in(const Place &place, Rigid *transforms, int joints);

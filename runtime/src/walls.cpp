@@ -165,7 +165,8 @@ Sides read_sides(const Sections &sections, Array<Face> faces, const Graph &graph
     sides.points = read_indices(sections, "opening.points", -1, 1, 0, graph.vertices(), arena, failure);
     int points = sides.points.size;
     if (!failure.failed && (count < 0 || count % 2)) failure.say("opening.starts is not of pairs of sides");
-    if (count > MOST_SIDES) failure.say("opening.starts has %d sides, at most %d are possible", count, MOST_SIDES);
+    if (count > MOST_SIDES)
+        failure.say("opening.starts has %d sides, at most %d are possible", count, MOST_SIDES);
     Array<int32_t> firsts = read_starts(sections, "opening.starts", count, points, work, failure);
     float spacing = read_number(sections, "opening.spacing", failure);
     if (!failure.failed && !(spacing > 0)) failure.say("opening.spacing of the outfit has to be above zero");

@@ -1,4 +1,4 @@
-// Plays an outfit in WebAssembly: node play.mjs MODULE OUTFIT MOTION VERTICES, files as those of docs/runtime.md.
+// Plays an outfit in WebAssembly: node play.mjs MODULE OUTFIT MOTION VERTICES, files as in docs/runtime.md.
 import { readFileSync, writeFileSync } from "node:fs";
 import { performance } from "node:perf_hooks";
 import { WASI } from "node:wasi";
@@ -28,7 +28,8 @@ function check(result) {
 
 const content = readFileSync(outfitPath), motion = readFileSync(motionPath);
 const outfit = check(core.uvc_read(put(content), content.length, message, ROOM));
-const joints = put(motion), row = 96 * core.uvc_joints(outfit), size = 24 * core.uvc_garment_vertices(outfit, 0);
+const joints = put(motion), row = 96 * core.uvc_joints(outfit);
+const size = 24 * core.uvc_garment_vertices(outfit, 0);
 const cloth = core.uvc_new(outfit), vertices = core.malloc(size), frames = [];
 check(core.uvc_start(cloth, joints, message, ROOM));
 let milliseconds = 0;

@@ -25,7 +25,7 @@ constexpr uint32_t HEADER = 24, ENTRY = 56;
 constexpr int LONGEST = 60;
 constexpr float MOST_SUBSTEPS = 4000;
 
-// One of so many mutants comes to rest by itself, for 65 frames; others go on from where the whole outfit rests.
+// One of so many mutants comes to rest by itself, for 65 frames; others go on from where the whole one rests.
 constexpr uint32_t STARTED = 8;
 
 constexpr double FRAME = 1.0 / 30;
@@ -282,7 +282,8 @@ void change_section(Parts &parts, Random &random) {
 }
 
 double edge_of(Random &random) {
-    const double EDGES[] = {__builtin_nan(""), __builtin_inf(), -__builtin_inf(), 1e300, 1e7, -9e6, 0, -1, 1e-300};
+    const double INFINITE = __builtin_inf(), NONE = __builtin_nan("");
+    const double EDGES[] = {NONE, INFINITE, -INFINITE, 1e300, 1e7, -9e6, 0, -1, 1e-300};
     return EDGES[random.below(sizeof(EDGES) / sizeof(EDGES[0]))];
 }
 
@@ -341,8 +342,8 @@ struct Motion {
     int frames;
 };
 
-// Starts or steps cloth. A failure has a sentence, and after that of a step nothing has changed that is shown.
-// Returns whether there was none.
+// Starts or steps cloth. A failure has a sentence, and changes nothing that is shown. Returns whether there was
+// none.
 bool move_on(const uvc_outfit *outfit, uvc_cloth *cloth, const double *joints, double seconds, bool is_start) {
     Arena arena;
     char message[160] = "";
@@ -351,13 +352,13 @@ bool move_on(const uvc_outfit *outfit, uvc_cloth *cloth, const double *joints, d
                         : uvc_step(cloth, joints, seconds, message, sizeof(message));
     if (!good != (message[0] != 0)) fail("not a sentence for a failure, and only then");
     Array<double> after = shown(outfit, cloth, arena);
-    if (!good && !is_start && memcmp(before.data, after.data, sizeof(double) * (size_t)before.size))
+    if (!good && memcmp(before.data, after.data, sizeof(double) * (size_t)before.size))
         fail("what is shown changed by a failure");
     return good;
 }
 
-// Lets a character wear an outfit for some frames, from a state if that fits, by damaged joints, times and pulls
-// if these are asked for. Returns whether all frames are dressed.
+// Lets a character wear an outfit for some frames, from a state if that fits, by damaged joints, times and
+// pulls if these are asked for. Returns whether all frames are dressed.
 bool play(const uvc_outfit *outfit, const Motion &motion, Array<uint8_t> state, bool is_damaged,
           Random &random) {
     Arena arena;

@@ -271,6 +271,13 @@ def test_what_cannot_be_played_says_why_and_leaves_nothing(own: Path, tmp_path: 
         play(Play(own, out, options=MotionOptions(animation="jump")))
     with pytest.raises(InputError, match="--in-place need --motion"):
         Play(own, out, options=MotionOptions(in_place=True)).run()
+    whole = own.read_bytes()
+    path.write_bytes(whole[:-1000])
+    with pytest.raises(InputError, match=r"worn\.glb: not a complete glTF file"):
+        play(Play(path, out))
+    path.write_bytes(whole.replace(b"cages.rest\0", b"cages.tset\0"))
+    with pytest.raises(InputError, match=r"worn\.glb: the outfit is cut or damaged"):
+        play(Play(path, out))
     assert [path.name for path in tmp_path.iterdir()] == ["worn.glb"]
 
 

@@ -112,6 +112,18 @@ def test_characters_in_two_threads_are_those_alone(outfit: Outfit, twirl: Joints
         np.testing.assert_array_equal(one, other)
 
 
+def test_characters_in_turns_are_those_alone(outfit: Outfit, twirl: Joints) -> None:
+    motions = [twirl[:6], placed(twirl[12:18], 30.0, (5.0, 0.0, 0.0))]
+    alone = [played(outfit, motion) for motion in motions]
+    pair = [Cloth(outfit), Cloth(outfit)]
+    for cloth, motion in zip(pair, motions, strict=True):
+        cloth.start(motion[0])
+    for frame in range(6):
+        for cloth, motion, expected in zip(pair, motions, alone, strict=True):
+            cloth.step(motion[frame], 1.0 / FPS)
+            np.testing.assert_array_equal(cloth.vertices(0), expected[frame])
+
+
 @pytest.mark.parametrize("number", [np.nan, np.inf, 1e200, 2e7])
 def test_joints_that_are_no_places_are_refused(dressed: Cloth, twirl: Joints, number: float) -> None:
     before, sentence = dressed.vertices(0), "the transform of joint 3 is not finite, or beyond 10,000 km"
