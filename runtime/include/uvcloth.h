@@ -52,10 +52,10 @@ UVC_API void uvc_drop(uvc_cloth *cloth);
 UVC_API int uvc_start(uvc_cloth *cloth, const double *joints, char *message, size_t room);
 
 /* Moves cloth on to the pose of joints, `seconds` later. The first step after uvc_start is to the pose of the
- * first frame. Where the root jumps, its speed changing by more than 10 m/s or its turn being faster than
- * 45 radians/s, the cloth comes along as it hangs. Returns 1, or 0 and a sentence for cloth that was not
- * started, joints that are not finite, a body that is faster than 40 m/s past the cloth, a frame without length,
- * and cloth that flies apart; the cloth stays as it was then. */
+ * first frame. Where the root jumps, its speed changing by more than 10 m/s or its turn being faster than 45
+ * radians/s, the cloth comes along as it hangs. Returns 1, or 0 and a sentence for cloth that was not
+ * started, joints that are not finite, a body that is faster than 40 m/s past the cloth, a frame without
+ * length, and cloth that flies apart; the cloth stays as it was then. */
 UVC_API int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, char *message, size_t room);
 
 /* Pulls the cages, on which the cloth is solved, to points (n, 3), m, in the world of the joints, by springs of
@@ -64,20 +64,21 @@ UVC_API int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, cha
 UVC_API void uvc_pull(uvc_cloth *cloth, const double *points, double rate);
 UVC_API int uvc_cages(const uvc_outfit *outfit);
 
-/* Wind (3), m/s, and gravity (3), m/s2, in the world of the joints, in all steps until the next call; before the
- * first one no wind, and 9.81 m/s2 downwards. Wind blows through the body. Returns 1, or 0 and a sentence, and
- * changes nothing, for more than 100 m/s or m/s2, and for numbers that are not finite. */
-UVC_API int uvc_set_world(uvc_cloth *cloth, const double *wind, const double *gravity, char *message, size_t room);
+/* Wind (3), m/s, and gravity (3), m/s2, in the world of the joints, in all steps until the next call; before
+ * the first one no wind, and 9.81 m/s2 downwards. Wind blows through the body. Returns 1, or 0 and a
+ * sentence, and changes nothing, for more than 100 m/s or m/s2, and for numbers that are not finite. */
+UVC_API int uvc_set_world(uvc_cloth *cloth, const double *wind, const double *gravity, char *message,
+                          size_t room);
 
-/* Changes the fabric of a garment: factors on its weight per area, and on its stiffness in the plane and in bending,
- * as it was baked, from 0.01 to 100. Frames get as many substeps as the new fabric needs. Returns 1, or 0 and a
- * sentence, and changes nothing, for other factors, or a garment that is not there. */
-UVC_API int uvc_set_fabric(uvc_cloth *cloth, int garment, double density, double stretch, double bend, char *message,
-                           size_t room);
+/* Changes the fabric of a garment: factors on its weight per area, and on its stiffness in the plane and in
+ * bending, as it was baked, from 0.01 to 100. Frames get as many substeps as the new fabric needs. Returns 1,
+ * or 0 and a sentence, and changes nothing, for other factors, or a garment that is not there. */
+UVC_API int uvc_set_fabric(uvc_cloth *cloth, int garment, double density, double stretch, double bend,
+                           char *message, size_t room);
 
 /* All that the cloth remembers, as so many bytes: written, and read again by cloth in the same outfit, which
- * goes on from there. uvc_restore returns 0 for other bytes, and changes nothing then. They are for this machine
- * and this version. */
+ * goes on from there. uvc_restore returns 0 for other bytes, and changes nothing then. They are for this
+ * machine and this version. */
 UVC_API size_t uvc_saved_size(const uvc_cloth *cloth);
 UVC_API void uvc_save(const uvc_cloth *cloth, void *bytes);
 UVC_API int uvc_restore(uvc_cloth *cloth, const void *bytes, size_t size);
@@ -140,14 +141,15 @@ UVC_API void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides
 
 /* All that moves cloth in a frame, in a frame of reference that moves evenly.
  *
- * body_start, body_end: (C) before and after the frame. target_start, target_end: (N) that vertices are pulled
- * to, with the frequency pull (N), 1/s, and the damping ratio damping (N); frequency 0 is not pulled.
- * acceleration: (N) m/s2 from outside, or NULL. gravity: m/s2. drift: m/s, of the frame of reference through the
- * air. seconds: of the frame. radius: kept between cloth and body; self_radius: between cloth and cloth; self_margin: more
- * within which cloth is watched. reach: how near the body, and how deep in it, cloth is looked for.
- * substeps: at least 1. interval, body_interval, hinge_interval: substeps between two searches of cloth near
- * cloth, of the body's faces, and two evaluations of the hinges. frame: number of earlier frames. renewal:
- * frames from one search of all faces of the body for a vertex to the next. self_contact: 0 leaves it out. */
+ * body_start, body_end: (C) before and after the frame. target_start, target_end: (N) that vertices are
+ * pulled to, with the frequency pull (N), 1/s, and the damping ratio damping (N); frequency 0 is not pulled.
+ * acceleration: (N) m/s2 from outside, or NULL. gravity: m/s2. drift: m/s, of the frame of reference through
+ * the air. seconds: of the frame. radius: kept between cloth and body; self_radius: between cloth and cloth;
+ * self_margin: more within which cloth is watched. reach: how near the body, and how deep in it, cloth is
+ * looked for. substeps: at least 1. interval, body_interval, hinge_interval: substeps between two searches of
+ * cloth near cloth, of the body's faces, and two evaluations of the hinges. frame: number of earlier frames.
+ * renewal: frames from one search of all faces of the body for a vertex to the next. self_contact: 0 leaves
+ * it out. */
 typedef struct uvc_motion {
     const float *body_start, *body_end, *target_start, *target_end, *pull, *damping, *acceleration;
     float drift[3], gravity[3];

@@ -218,8 +218,8 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
         next.velocities = arena.copy(speeds);
         next.searched = {arena.copy(character.searched.faces, rows).data,
                          arena.copy(character.searched.clear, rows).data};
-        if (step(outfit.solver, character.material, motion, next.positions.data, next.velocities.data, next.searched,
-                 character.contact, arena))
+        if (step(outfit.solver, character.material, motion, next.positions.data, next.velocities.data,
+                 next.searched, character.contact, arena))
             return true;
         character.contact.points.assign(points);
         character.contact.edges.assign(edges);

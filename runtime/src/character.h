@@ -13,21 +13,22 @@ struct Posed {
     Array<Vec> cages, body, skin, points;
 };
 
-// Factors on the weight per area of a garment, and on its stiffness in the plane and in bending, as it was baked.
+// Factors on the weight per area of a garment, and on its stiffness in the plane and in bending, as it was
+// baked.
 struct Fabric {
     float density = 1, stretch = 1, bend = 1;
 };
 
 // All that a character's cloth remembers; everything is in the frame of `place`, that of the first root.
 //
-// root: transform of the first joint in the last pose that the cloth could follow; spin: radians/s, its turning
-// about the vertical. steps: since the start; solved: frames that were solved. guide: (n) m, and rate, 1/s: what
-// pulls the cages, if the rate is not 0. wind, m/s, and gravity, m/s2, are in the world. fabrics: (G); material:
-// what they make of the outfit's; needed: substeps a second. origin: mean of the cages' targets, m;
-// drift: m/s, its velocity. positions, m, and velocities, m/s, of the cloth (n), targets (n) and collider (C)
-// are around that origin. memory: of the clearing. shown: (U) points around shown_origin; `posed` is of the last
-// pose that was asked for, shown of the last that the cloth could follow. fabric_memory:
-// of a changed material; scratch: for a frame.
+// root: transform of the first joint in the last pose that the cloth could follow; spin: radians/s, its
+// turning about the vertical. steps: since the start; solved: frames that were solved. guide: (n) m, and
+// rate, 1/s: what pulls the cages, if the rate is not 0. wind, m/s, and gravity, m/s2, are in the world.
+// fabrics: (G); material: what they make of the outfit's; needed: substeps a second. origin: mean of the
+// cages' targets, m; drift: m/s, its velocity. positions, m, and velocities, m/s, of the cloth (n), targets
+// (n) and collider (C) are around that origin. memory: of the clearing. shown: (U) points around
+// shown_origin; `posed` is of the last pose that was asked for, shown of the last that the cloth could
+// follow. fabric_memory: of a changed material; scratch: for a frame.
 struct Character {
     const Outfit &outfit;
     bool is_started;

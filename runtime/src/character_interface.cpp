@@ -78,7 +78,8 @@ void uvc_pull(uvc_cloth *cloth, const double *points, double rate) {
 
 int uvc_set_world(uvc_cloth *cloth, const double *wind, const double *gravity, char *message, size_t room) {
     uvc::Failure failure{message, room};
-    return uvc::set_world(cloth->data, {wind[0], wind[1], wind[2]}, {gravity[0], gravity[1], gravity[2]}, failure);
+    return uvc::set_world(cloth->data, {wind[0], wind[1], wind[2]}, {gravity[0], gravity[1], gravity[2]},
+                          failure);
 }
 
 int uvc_set_fabric(uvc_cloth *cloth, int garment, double density, double stretch, double bend, char *message,

@@ -48,8 +48,8 @@ ClearingMemory lay_out(const Clearing &clearing, void *bytes);
 void begin(const Clearing &clearing, const ClearingMemory &memory);
 
 // Reads what `read_collider` and `read_layers` do, and "fine.rest" (N, 3) m, "fine.faces" (M, 3),
-// "fine.touches" (N), "fine.thickness" (N), "skin.rest" (V, 3) m, "skin.faces" (F, 3), and of the covered points
-// "covered.corners" (P, 3), "covered.weights" (P, 3).
+// "fine.touches" (N), "fine.thickness" (N), "skin.rest" (V, 3) m, "skin.faces" (F, 3), and of the covered
+// points "covered.corners" (P, 3), "covered.weights" (P, 3).
 void read_clearing(const Sections &sections, Clearing &clearing, Failure &failure);
 
 // Moves vertices (N) m to at least `clearance`, m, off the body at points (C) m, in place; skin deeper than

@@ -68,8 +68,8 @@ void move_to(FittedParts &parts, const Vec *points) {
 
 // The closest face of a part within reach, m. `guess`, a face or -1, saves time and changes nothing.
 // `beyond`: where none is found, the square of a distance within which there is none.
-Closest closest_of_part(const Collider &collider, FittedParts &parts, int part, Vec point, float reach, int guess,
-                        float &beyond) {
+Closest closest_of_part(const Collider &collider, FittedParts &parts, int part, Vec point, float reach,
+                        int guess, float &beyond) {
     const LaneTree &tree = collider.trees.at(part);
     FittedTree &fitted = parts.trees.at(part);
     if (!parts.is_fitted.at(part)) fit(tree, parts.points, fitted);
@@ -181,7 +181,8 @@ void end_passage(const Collider &collider, Passage &passage, const Vec *cloth) {
     swap(passage.cloth, passage.cloth_before);
     put_in_lanes(cloth, vertices, passage.cloth);
     for (int part = 0; part < collider.parts; part++) {
-        RigidMotion left = part_motion(collider, part, passage.points.data, passage.share < 1 ? passage.end : nullptr);
+        RigidMotion left =
+            part_motion(collider, part, passage.points.data, passage.share < 1 ? passage.end : nullptr);
         float *clear = passage.before.clear + part * vertices;
         for (int block = 0; block < collider.blocks(); block++) {
             unsigned touching = collider.touching.at(part * collider.blocks() + block);
@@ -248,7 +249,8 @@ int find_near(const Collider &collider, Passage &passage, float share, const Vec
     }
     for (int part = 0; part < collider.parts; part++) {
         RigidMotion since = part_motion(collider, part, passage.points_before.data, points);
-        RigidMotion way = part_motion(collider, part, passage.start, watch.interval > 0 ? passage.end : nullptr);
+        RigidMotion way =
+            part_motion(collider, part, passage.start, watch.interval > 0 ? passage.end : nullptr);
         float *clear = passage.before.clear + part * vertices;
         for (int block = 0; block < collider.blocks(); block++) {
             unsigned touching = collider.touching.at(part * collider.blocks() + block);

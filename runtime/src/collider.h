@@ -8,9 +8,9 @@
 
 namespace uvc {
 
-// starts: (K + 1) first face of each part, whose faces are in a tree. vertices: of each part, from vertex_starts
-// on. touches: for each vertex of the cloth, a bit for every part that it may touch; crossed: for every part that
-// it may be inside of without a touch.
+// starts: (K + 1) first face of each part, whose faces are in a tree. vertices: of each part, from
+// vertex_starts on. touches: for each vertex of the cloth, a bit for every part that it may touch; crossed:
+// for every part that it may be inside of without a touch.
 struct Collider {
     Surface surface;
     int parts;
@@ -42,9 +42,10 @@ struct FittedParts {
 // The body on its way through a frame, from start to end (C) m, and the results of its searches.
 //
 // points: at the last search, points_before: at the one before. hints: (K N) faces found by it, -1 for none.
-// before: results of the last frame, of which `clear` is renewed. at: (K N) share of the way at the last search of
-// all faces. cloth: (N / 8) m at the last search, at a share of the way; searches: their number so far. turn: number of the frame. renewal: frames from one search of all faces for a vertex to
-// the next; in between it is followed over neighbouring ones.
+// before: results of the last frame, of which `clear` is renewed. at: (K N) share of the way at the last
+// search of all faces. cloth: (N / 8) m at the last search, at a share of the way; searches: their number so
+// far. turn: number of the frame. renewal: frames from one search of all faces for a vertex to the next; in
+// between it is followed over neighbouring ones.
 struct Passage {
     const Vec *start, *end;
     Array<Vec> points, points_before;
@@ -86,8 +87,8 @@ struct Near {
 int find_near(const Collider &collider, Passage &passage, float share, const Vec *cloth, const Watch &watch,
               Array<Near> found, Arena &work);
 
-// Finds the parts of a body (C) m that cloth (N) m is inside of, of those that it may cross: a bit for each in caught (N).
-// Returns whether there is any.
+// Finds the parts of a body (C) m that cloth (N) m is inside of, of those that it may cross: a bit for each
+// in caught (N). Returns whether there is any.
 bool find_caught(const Collider &collider, const Vec *body, const Vec *cloth, FittedParts &parts,
                  int32_t *caught);
 

@@ -75,7 +75,8 @@ bool could_be_set(const Character &character) {
 
 bool set_world(Character &character, Vec64 wind, Vec64 gravity, Failure &failure) {
     if (!is_weak(wind) || !is_weak(gravity)) {
-        failure.say("wind of more than %d m/s, or gravity of more than %d m/s2", (int)STRONGEST, (int)STRONGEST);
+        failure.say("wind of more than %d m/s, or gravity of more than %d m/s2", (int)STRONGEST,
+                    (int)STRONGEST);
         return false;
     }
     character.wind = wind;

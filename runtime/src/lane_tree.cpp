@@ -29,8 +29,8 @@ UVC_INLINE Lanes outside(const Block &block, LaneVec point) {
 }
 
 // The best face so far, and the square of its distance; `limit` is that of a box in which none is better,
-// with more than rounding to spare, so that the order in which boxes are visited changes nothing. beyond: the least
-// square of a distance from what was looked at, or left out, in each lane.
+// with more than rounding to spare, so that the order in which boxes are visited changes nothing. beyond: the
+// least square of a distance from what was looked at, or left out, in each lane.
 struct Best {
     int face;
     float squared, limit;

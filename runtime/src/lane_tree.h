@@ -21,8 +21,9 @@ struct Children {
 // Faces in blocks of eight that lie together, the last of them filled up with its last face, under a tree of
 // nodes that each have up to eight children. Nothing here changes.
 //
-// order: the faces of the blocks. nodes: those over blocks, which are patches, come first; the children of others
-// are nodes before them, and the root is the last. vertices: of each patch, once each, from vertex_starts on.
+// order: the faces of the blocks. nodes: those over blocks, which are patches, come first; the children of
+// others are nodes before them, and the root is the last. vertices: of each patch, once each, from
+// vertex_starts on.
 struct LaneTree {
     Array<Face> faces;
     Array<int32_t> order, vertices, vertex_starts;
@@ -57,8 +58,8 @@ FittedTree make_fitted_tree(const LaneTree &tree, Arena &arena);
 // Fits a tree to points, which have to stay where they are while it is searched.
 void fit(const LaneTree &tree, const Vec *points, FittedTree &fitted);
 
-// The face closest to a point within reach, m, of several the first; -1 if there is none, and then `beyond` is the
-// square of a distance within which there is none.
+// The face closest to a point within reach, m, of several the first; -1 if there is none, and then `beyond`
+// is the square of a distance within which there is none.
 int closest_face(const LaneTree &tree, FittedTree &fitted, Vec point, float reach, float &beyond);
 
 }  // namespace uvc

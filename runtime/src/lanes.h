@@ -37,8 +37,9 @@ UVC_INLINE LaneVec gather(const Vec *points, const int32_t *indices) {
     return {load(numbers[0]), load(numbers[1]), load(numbers[2])};
 }
 
-// Barycentric coordinates v of b and w of c of the points of triangles that are closest to points, by the regions of
-// `closest_barycentrics`, without a number where all edges have no length. ap, ab, ac: from a to the point, b and c.
+// Barycentric coordinates v of b and w of c of the points of triangles that are closest to points, by the
+// regions of `closest_barycentrics`, without a number where all edges have no length. ap, ab, ac: from a to
+// the point, b and c.
 UVC_INLINE void closest_barycentrics(LaneVec ap, LaneVec ab, LaneVec ac, Lanes &v, Lanes &w) {
     LaneVec bp = ap - ab, cp = ap - ac;
     Lanes d1 = dot(ab, ap), d2 = dot(ac, ap), d3 = dot(ab, bp);

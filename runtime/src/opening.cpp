@@ -10,8 +10,9 @@ constexpr int ROUNDS = 5;
 // Sum of the weights, 1/m4, from which a distance counts in full: that of one facing point 6 cm away.
 constexpr float FULL_WEIGHT = 1e4f;
 
-// Metres along the wall, from a point to the middle of the wall points that measure it, up to which it has full
-// weight. At twice this distance its weight is zero, because a tangent plane extends beyond the end of the wall.
+// Metres along the wall, from a point to the middle of the wall points that measure it, up to which it has
+// full weight. At twice this distance its weight is zero, because a tangent plane extends beyond the end of
+// the wall.
 constexpr float LATERAL = 0.03f;
 
 // 0 up to 0, 1 from 1 on, without a kink.

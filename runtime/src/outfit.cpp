@@ -38,13 +38,15 @@ void check_sizes(const Outfit &outfit, Failure &failure) {
         failure.say("the outfit's cages have not as many vertices as its cloth");
     if (o.points.vertices() != o.clearing.rest.size)
         failure.say("the outfit's points are not as many as those that are cleared");
-    if (o.used.size != o.solver.collider.surface.vertices || o.used.size != o.clearing.collider.surface.vertices)
+    if (o.used.size != o.solver.collider.surface.vertices ||
+        o.used.size != o.clearing.collider.surface.vertices)
         failure.say("the outfit's collider has not as many vertices as are used");
     if (o.clearing.skin_vertices != o.body.vertices())
         failure.say("the skin that the outfit covers has not as many vertices as its body");
 }
 
-// The garment of each vertex of the cages: that of the points around it, or of its neighbours where there is none.
+// The garment of each vertex of the cages: that of the points around it, or of its neighbours where there is
+// none.
 Array<int32_t> find_cage_garments(const Outfit &outfit, Arena &arena) {
     Array<int32_t> garments = arena.take<int32_t>(outfit.cages.vertices());
     for (int32_t &garment : garments) garment = -1;

@@ -13,7 +13,8 @@ struct RigidMotion {
 
     UVC_MEMBER Vec take(Vec a) const { return Vec{dot(rows[0], a), dot(rows[1], a), dot(rows[2], a)} + shift; }
     UVC_MEMBER LaneVec take(LaneVec a) const {
-        return LaneVec{dot(repeat(rows[0]), a), dot(repeat(rows[1]), a), dot(repeat(rows[2]), a)} + repeat(shift);
+        return LaneVec{dot(repeat(rows[0]), a), dot(repeat(rows[1]), a), dot(repeat(rows[2]), a)} +
+               repeat(shift);
     }
 };
 

@@ -229,8 +229,8 @@ UVC_INLINE Vector<F> closest_on_segments(Vector<F> p0, Vector<F> p1, Vector<F> q
     return (p0 + s * along_p) - (q0 + t * along_q);
 }
 
-// Pairs that may be near, eight at a time: a first and a second thing, four vertices, and the distance, m, within which
-// they count.
+// Pairs that may be near, eight at a time: a first and a second thing, four vertices, and the distance, m,
+// within which they count.
 struct Candidates {
     Two pairs[LANES];
     int32_t vertices[4][LANES];
@@ -282,9 +282,9 @@ void keep_edges(const Sheet &sheet, const Vec *positions, Candidates &some, List
     if (!some.count) return;
     unsigned lanes = some.close();
     Lanes s, t, margins = load(some.margins);
-    LaneVec apart = closest_on_segments(gather(positions, some.vertices[0]), gather(positions, some.vertices[1]),
-                                        gather(positions, some.vertices[2]), gather(positions, some.vertices[3]),
-                                        s, t);
+    LaneVec apart =
+        closest_on_segments(gather(positions, some.vertices[0]), gather(positions, some.vertices[1]),
+                            gather(positions, some.vertices[2]), gather(positions, some.vertices[3]), s, t);
     Lanes squares = dot(apart, apart);
     LaneVec directions = (1.0f / (root(squares) + TINY)) * apart;
     for (lanes &= bits(squares <= margins * margins); lanes;) {
@@ -299,7 +299,8 @@ void keep_edges(const Sheet &sheet, const Vec *positions, Candidates &some, List
 }
 
 // Finds the pairs of the faces in `leaves`.
-void find_in_leaves(const Sheet &sheet, const Vec *positions, float margin, float interval, SelfContact &contact) {
+void find_in_leaves(const Sheet &sheet, const Vec *positions, float margin, float interval,
+                    SelfContact &contact) {
     const BoxTree &tree = sheet.tree;
     Candidates points, edges;
     auto add_corners = [&](int f, int g, float watched) {
@@ -457,8 +458,8 @@ void wait_where(LaneMask is_apart, LaneMask substeps, const Eight &eight, Array<
     }
 }
 
-// Looks at eight pairs of a vertex and a face, sets how long those wait that are apart, and returns a bit for each
-// that has to be resolved.
+// Looks at eight pairs of a vertex and a face, sets how long those wait that are apart, and returns a bit for
+// each that has to be resolved.
 unsigned look_at_points(const Sheet &sheet, Array<PointPair> pairs, const Eight &eight, const Vec *positions,
                         const Vec *velocities, float radius, float step, Array<int32_t> wait) {
     int32_t corners[4][LANES];

@@ -16,8 +16,8 @@ constexpr float CLOSE = 0.01f;
 const Vec *vectors(const float *numbers) { return reinterpret_cast<const Vec *>(numbers); }
 
 // Sets forces to the weight plus mass times an acceleration from outside, and copies rows.
-void begin_substep(const Particles &particles, const uvc_motion &motion, const Vec *positions, const Vec *velocities,
-                   Array<Row> rows, Array<Force> forces) {
+void begin_substep(const Particles &particles, const uvc_motion &motion, const Vec *positions,
+                   const Vec *velocities, Array<Row> rows, Array<Force> forces) {
     const Vec *acceleration = vectors(motion.acceleration);
     const float *gravity = motion.gravity;
     for (int k = 0; k < rows.size; k++) {
@@ -89,8 +89,8 @@ void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
     }
 }
 
-bool step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions, Vec *velocities, Searched searched,
-          SelfContact &contact, Arena &work) {
+bool step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions,
+          Vec *velocities, Searched searched, SelfContact &contact, Arena &work) {
     Scope scope(work);
     const Collider &collider = solver.collider;
     const Elastic &elastic = material.elastic;

@@ -25,9 +25,9 @@ struct Solver {
 // "particles.friction" (N).
 void read_solver(const Sections &sections, Solver &solver, Failure &failure);
 
-// Moves cloth of a material through a frame; see uvc_solve in uvcloth.h. Returns whether it stays together. work: has to have
-// memory for a frame, and keeps it.
-bool step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions, Vec *velocities, Searched searched,
-          SelfContact &contact, Arena &work);
+// Moves cloth of a material through a frame; see uvc_solve in uvcloth.h. Returns whether it stays together.
+// work: has to have memory for a frame, and keeps it.
+bool step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions,
+          Vec *velocities, Searched searched, SelfContact &contact, Arena &work);
 
 }  // namespace uvc

@@ -27,7 +27,8 @@ void fill(Array<Vec64> vectors) {
 }
 
 // Largest eigenvalue of the mass-weighted stiffness, 1/s2, or of the damping, 1/s.
-double largest_eigenvalue(const Elastic &elastic, Array<float> mass, Array<Vec> rest, bool of_rates, Arena &work) {
+double largest_eigenvalue(const Elastic &elastic, Array<float> mass, Array<Vec> rest, bool of_rates,
+                          Arena &work) {
     int vertices = rest.size;
     Array<Vec64> direction = work.take<Vec64>(vertices);
     Array<Row> rows = work.take<Row>(vertices);
@@ -47,7 +48,8 @@ double largest_eigenvalue(const Elastic &elastic, Array<float> mass, Array<Vec> 
         const double signs[] = {-1, 1};
         for (double sign : signs) {
             for (int k = 0; k < vertices; k++) {
-                Vec shift = narrow(sign * size / __builtin_sqrt((double)mass[k]) * direction[k]), x = rest[k], v{};
+                Vec shift = narrow(sign * size / __builtin_sqrt((double)mass[k]) * direction[k]), x = rest[k],
+                    v{};
                 if (of_rates)
                     v = shift;
                 else

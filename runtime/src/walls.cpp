@@ -44,7 +44,8 @@ UVC_INLINE void widen(Range &range, Vec low, Vec high) {
 
 // Lanes whose boxes are within reach of a box.
 UVC_INLINE LaneMask within_reach(const Bounds &bounds, Range box) {
-    LaneVec below = load_columns(bounds.low) - repeat(box.high), beyond = repeat(box.low) - load_columns(bounds.high);
+    LaneVec below = load_columns(bounds.low) - repeat(box.high),
+            beyond = repeat(box.low) - load_columns(bounds.high);
     LaneVec gap = {most(most(below.x, beyond.x), 0.0f), most(most(below.y, beyond.y), 0.0f),
                 most(most(below.z, beyond.z), 0.0f)};
     return dot(gap, gap) < REACH * REACH;
@@ -247,7 +248,8 @@ Measured measure(const Walls &walls, int row, Array<Facing> facing) {
     const Tile &own = walls.tiles[row / LANES];
     int lane = row % LANES;
     Vec point = pick(own.start, lane);
-    LaneVec start = repeat(point), place = repeat(pick(own.place, lane)), normal = repeat(pick(own.normal, lane));
+    LaneVec start = repeat(point), place = repeat(pick(own.place, lane)),
+            normal = repeat(pick(own.normal, lane));
     LaneVec wall{}, way{};
     Lanes weight{}, above{};
     for (const Facing &few : facing) {

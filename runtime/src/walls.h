@@ -14,10 +14,10 @@ namespace uvc {
 // Points of all sides, which are vertices of the body that lie close together. LANES points are a tile, LANES
 // tiles a group.
 //
-// starts: (S + 1) first group of each side. points: (P) vertices, side after side. rows: (P) place of each point
-// in the groups. vertices: of each place in the groups, -1 where there is none. core: m2, of each place, squared
-// distance within which all points of a wall have the same weight. rings: the other two corners of the faces
-// around each vertex, from ring_starts on.
+// starts: (S + 1) first group of each side. points: (P) vertices, side after side. rows: (P) place of each
+// point in the groups. vertices: of each place in the groups, -1 where there is none. core: m2, of each
+// place, squared distance within which all points of a wall have the same weight. rings: the other two
+// corners of the faces around each vertex, from ring_starts on.
 struct Sides {
     int sides;
     Array<int32_t> starts, points, rows, vertices, ring_starts, rings;
