@@ -102,6 +102,48 @@ UVC_INLINE float past(const Surface &surface, const Passage &passage, const Clos
     return outside ? distance : -distance;
 }
 
+// A search for the faces that cloth is near.
+struct Search {
+    const Collider &collider;
+    Passage &passage;
+    const Watch &watch;
+    const Vec *cloth;
+    Array<Near> found;
+    bool is_first;
+    int count;
+
+    // Follows a vertex over a part from the face that is known, or looks at all faces; keeps what it is near.
+    void look(int part, int vertex) {
+        const Vec *points = passage.points.data;
+        int row = part * collider.touches.size + vertex;
+        Vec point = cloth[vertex], velocity = watch.velocities ? watch.velocities[vertex] : Vec{};
+        float rate = 1 / watch.seconds, distance = 0, slip = 0;
+        int known = is_first ? passage.before.faces[row] : -1, guess = passage.hints.at(row);
+        if (is_first && (vertex + passage.turn) % passage.renewal > 0) guess = known;
+        Closest closest{-1, {}, {}};
+        bool is_followed = false;
+        if (guess >= 0) {
+            closest = walk(collider.surface, points, guess, point, FOLLOWED);
+            distance = past(collider.surface, passage, closest, velocity, rate, slip);
+            bool is_recent = !is_first && passage.share - passage.at.at(row) < LONGEST * rate;
+            float limit = is_recent ? watch.reach : least(watch.reach, distance > 0 ? watch.followed : CLOSE);
+            is_followed = dot(closest.away, closest.away) < limit * limit;
+        }
+        passage.before.clear[row] = 0;
+        if (!is_followed) {
+            float beyond = 0;
+            int best = closest.face >= 0 ? closest.face : known;
+            closest = closest_of_part(collider, passage.parts, part, point, watch.reach, best, beyond);
+            passage.at.at(row) = passage.share;
+            if (closest.face >= 0) distance = past(collider.surface, passage, closest, velocity, rate, slip);
+            passage.before.clear[row] = closest.face >= 0 ? most(distance, 0.0f) : root(beyond);
+        }
+        passage.hints.at(row) = closest.face;
+        float touching = watch.near[vertex] + watch.interval * watch.seconds * (SPARE * slip + ALERT_SPEED);
+        if (closest.face >= 0 && distance <= touching) found.at(count++) = {vertex, closest.face};
+    }
+};
+
 // Vectors in blocks of eight; the last one fills up its block.
 void put_in_lanes(const Vec *vectors, int count, Array<LaneVec> blocks) {
     for (int block = 0; block < blocks.size; block++) {
@@ -200,44 +242,14 @@ void end_passage(const Collider &collider, Passage &passage, const Vec *cloth) {
 int find_near(const Collider &collider, Passage &passage, float share, const Vec *cloth, const Watch &watch,
               Array<Near> found, Arena &work) {
     Scope scope(work);
-    const Surface &surface = collider.surface;
-    int count = 0, vertices = collider.touches.size;
-    bool is_first = passage.searches++ == 0;
-    float rate = 1 / watch.seconds;
+    int vertices = collider.touches.size;
+    Search search{collider, passage, watch, cloth, found, passage.searches++ == 0, 0};
     swap(passage.points, passage.points_before);
     passage.share = share;
-    for (int k = 0; k < surface.vertices; k++)
+    for (int k = 0; k < passage.points.size; k++)
         passage.points.at(k) = between(passage.start[k], passage.end[k], share);
     const Vec *points = passage.points.data;
     move_to(passage.parts, points);
-    auto look = [&](int part, int vertex) {
-        int row = part * vertices + vertex;
-        Vec point = cloth[vertex], velocity = watch.velocities ? watch.velocities[vertex] : Vec{};
-        int known = is_first ? passage.before.faces[row] : -1, guess = passage.hints.at(row);
-        if (is_first && (vertex + passage.turn) % passage.renewal > 0) guess = known;
-        Closest closest{-1, {}, {}};
-        float distance = 0, slip = 0;
-        bool is_followed = false;
-        if (guess >= 0) {
-            closest = walk(surface, points, guess, point, FOLLOWED);
-            distance = past(surface, passage, closest, velocity, rate, slip);
-            bool is_recent = !is_first && share - passage.at.at(row) < LONGEST * rate;
-            float limit = is_recent ? watch.reach : least(watch.reach, distance > 0 ? watch.followed : CLOSE);
-            is_followed = dot(closest.away, closest.away) < limit * limit;
-        }
-        passage.before.clear[row] = 0;
-        if (!is_followed) {
-            float beyond = 0;
-            int best = closest.face >= 0 ? closest.face : known;
-            closest = closest_of_part(collider, passage.parts, part, point, watch.reach, best, beyond);
-            passage.at.at(row) = share;
-            if (closest.face >= 0) distance = past(surface, passage, closest, velocity, rate, slip);
-            passage.before.clear[row] = closest.face >= 0 ? most(distance, 0.0f) : root(beyond);
-        }
-        passage.hints.at(row) = closest.face;
-        float touching = watch.near[vertex] + watch.interval * watch.seconds * (SPARE * slip + ALERT_SPEED);
-        if (closest.face >= 0 && distance <= touching) found.at(count++) = {vertex, closest.face};
-    };
     swap(passage.cloth, passage.cloth_before);
     put_in_lanes(cloth, vertices, passage.cloth);
     Array<LaneVec> ends = passage.cloth;
@@ -262,11 +274,11 @@ int find_near(const Collider &collider, Passage &passage, float share, const Vec
                 int lane = take(touching), k = LANES * block + lane;
                 clear[k] -= closer[lane];
                 float limit = watch.near[k] + watch.interval * fastest[lane];
-                if (clear[k] <= least(watch.reach, limit) + ROUNDED) look(part, k);
+                if (clear[k] <= least(watch.reach, limit) + ROUNDED) search.look(part, k);
             }
         }
     }
-    return count;
+    return search.count;
 }
 
 bool find_caught(const Collider &collider, const Vec *body, const Vec *cloth, FittedParts &parts,
