@@ -9,8 +9,9 @@
 namespace uvc {
 
 // starts: (K + 1) first face of each part, whose faces are in a tree. vertices: of each part, from
-// vertex_starts on. touches: for each vertex of the cloth, a bit for every part that it may touch; crossed:
-// for every part that it may be inside of without a touch.
+// vertex_starts on. touches: for each vertex of the cloth, a bit for every part that it may touch; touching:
+// (K, N / 8) for each part, and eight vertices, a bit for every one of them that may touch it; crossed: as
+// touches, for parts that a vertex may be inside of without a touch.
 struct Collider {
     Surface surface;
     int parts;
