@@ -23,6 +23,7 @@ from uvcloth.player.library import BASELINE
 ROOT = Path(__file__).parents[1]
 FLOORS = ("rasterize", "uvcloth")
 INSIDE = ("train", "evaluate")
+OBJECTS = Path("build/runtime")
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +37,8 @@ def source(tmp_path_factory) -> Path:
         )
     for name in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "NOTICE"):
         shutil.copy(ROOT / name, source / name)
+    # Objects that are of the same sources by their names are not compiled again.
+    shutil.copytree(ROOT / OBJECTS, source / OBJECTS)
     return source
 
 

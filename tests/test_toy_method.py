@@ -38,6 +38,7 @@ from uvcloth.methods.method import Method, MethodEntry, Traits
 from uvcloth.methods.registry import METHODS, Registered, list_methods
 from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.library import load_clip
+from uvcloth.motion.options import MotionOptions
 
 OUTFIT = ("bottoms", "tops")
 BODY = load_body()
@@ -156,13 +157,16 @@ def test_a_method_in_one_file_trains_rolls_out_is_judged_and_exported(
     monkeypatch.setattr(sys, "argv", ["train", "moved", "--data", str(data), "--out", str(run)])
     train()
 
-    summary = animate(Rollout("walk", OUTFIT, (tmp_path / "walk.npz",), (str(run),), finish="none"))
+    options = MotionOptions(frames="0:24")
+    summary = animate(
+        Rollout("walk", OUTFIT, (tmp_path / "walk.npz",), (str(run),), finish="none", options=options)
+    )
     worn = load_animation(tmp_path / "walk.npz")
     assert worn.names == OUTFIT
     assert len(worn) == summary.frames
 
     judged = ["--model", "lbs_smooth", str(run), "--data", str(data), "--out", str(tmp_path / "report")]
-    assert evaluate([*judged, "--no-pictures"]) == 0
+    assert evaluate([*judged, "--no-pictures", "--frames", "3"]) == 0
     results = json.loads((tmp_path / "report" / "metrics.json").read_text())
     (outfit,) = results["outfits"]
     cells = {name: method["outfits"][outfit]["actions"]["a"] for name, method in results["methods"].items()}

@@ -20,6 +20,9 @@ START = 0.001
 FAR_ENOUGH = 3.0
 """Metres that rays are followed."""
 
+ROUNDS = 8
+"""Parts of the directions that are looked from in turn: most points are seen from one of the first."""
+
 
 class Onlooker:
     """A person who walks around a body and its garments, the shells that hide points."""
@@ -35,11 +38,20 @@ class Onlooker:
 
     def sees(self, points: Tensor) -> Tensor:
         """Mask (P,) of the points (P, 3) m that are seen from any side."""
-        count = len(self._directions)
-        starts = points.repeat_interleave(count, 0)
-        directions = self._directions.to(points).repeat(len(points), 1)
-        free = torch.ones_like(starts[:, 0], dtype=torch.bool)
+        seen = torch.zeros_like(points[:, 0], dtype=torch.bool)
+        for turn in range(ROUNDS):
+            hidden = torch.nonzero(~seen).squeeze(1)
+            seen[hidden] = self._sees_along(points[hidden], self._directions[turn::ROUNDS].to(points))
+        return seen
+
+    def _sees_along(self, points: Tensor, directions: Tensor) -> Tensor:
+        """Mask (P,) of the points (P, 3) m that are seen from any of some directions (D, 3)."""
+        owner = torch.arange(len(points), device=points.device).repeat_interleave(len(directions))
+        ways = directions.repeat(len(points), 1)
+        starts = points[owner] + START * ways
         for shell in self._shells:
-            distance, _ = shell.first_hit(starts + START * directions, directions, FAR_ENOUGH)
-            free &= distance >= FAR_ENOUGH
-        return free.view(-1, count).any(1)
+            distance, _ = shell.first_hit(starts, ways, FAR_ENOUGH)
+            owner, starts, ways = (rays[distance >= FAR_ENOUGH] for rays in (owner, starts, ways))
+        seen = torch.zeros_like(points[:, 0], dtype=torch.bool)
+        seen[owner] = True
+        return seen
