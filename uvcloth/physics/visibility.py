@@ -38,11 +38,11 @@ class Onlooker:
 
     def sees(self, points: Tensor) -> Tensor:
         """Mask (P,) of the points (P, 3) m that are seen from any side."""
-        seen = torch.zeros_like(points[:, 0], dtype=torch.bool)
+        visible = torch.zeros_like(points[:, 0], dtype=torch.bool)
         for turn in range(ROUNDS):
-            hidden = torch.nonzero(~seen).squeeze(1)
-            seen[hidden] = self._sees_along(points[hidden], self._directions[turn::ROUNDS].to(points))
-        return seen
+            hidden = torch.nonzero(~visible).squeeze(1)
+            visible[hidden] = self._sees_along(points[hidden], self._directions[turn::ROUNDS].to(points))
+        return visible
 
     def _sees_along(self, points: Tensor, directions: Tensor) -> Tensor:
         """Mask (P,) of the points (P, 3) m that are seen from any of some directions (D, 3)."""
@@ -52,6 +52,6 @@ class Onlooker:
         for shell in self._shells:
             distance, _ = shell.first_hit(starts, ways, FAR_ENOUGH)
             owner, starts, ways = (rays[distance >= FAR_ENOUGH] for rays in (owner, starts, ways))
-        seen = torch.zeros_like(points[:, 0], dtype=torch.bool)
-        seen[owner] = True
-        return seen
+        visible = torch.zeros_like(points[:, 0], dtype=torch.bool)
+        visible[owner] = True
+        return visible
