@@ -34,12 +34,11 @@ async function open(name, content) {
     cloth = opened;
     stage.show(gltf);
     listAnimations(gltf);
-    play(gltf, 0);
-    gltf.scene.updateMatrixWorld(true);
-    stage.frame();
-    changeFabric();
-    changeWorld();
     say("");
+    if (control("fabric").value) changeFabric();
+    changeWorld();
+    play(gltf, 0);
+    stage.frame();
   } catch (error) {
     worker?.terminate();
     if (turn === opening) say(`${name}: ${error.message}`);

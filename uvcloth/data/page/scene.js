@@ -49,11 +49,12 @@ export class Stage {
       else if (each.isBone) box.expandByPoint(new Vector3().setFromMatrixPosition(each.matrixWorld));
     });
     const size = box.getSize(new Vector3()).y;
-    this.target = box.getCenter(new Vector3());
+    // A little below the middle, since controls lie over the lower edge.
+    this.target = box.getCenter(new Vector3()).sub(new Vector3(0, 0.05 * size, 0));
     this.size = size;
     this.controls.target.copy(this.target);
-    this.camera.position.copy(this.target).add(new Vector3(0.5, 0.25, 1.9).multiplyScalar(size * this.#distance()));
-    this.camera.near = 0.01 * size;
+    this.camera.position.copy(this.target).add(new Vector3(0.5, 0.25, 2.05).multiplyScalar(size * this.#distance()));
+    this.camera.near = 0.05 * size;
     this.camera.far = 50 * size;
     this.camera.updateProjectionMatrix();
     this.controls.minDistance = 0.4 * size;
