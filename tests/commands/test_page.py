@@ -17,7 +17,7 @@ from uvcloth.commands import page_file
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_file import WASM, write_page
+from uvcloth.commands.page_file import WASM, add_clips, write_page
 from uvcloth.errors import InputError
 from uvcloth.motion.options import MotionOptions
 from uvcloth.player.baked import EXTENSION, open_baked
@@ -50,6 +50,7 @@ def skirt(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A skirt on the body of the package, which walks."""
     path = tmp_path_factory.mktemp("baked") / "a skirt & more.glb"
     bake(Bake(("skirt",), path, motion="walk", quality="fast", options=MotionOptions(frames="20:60")))
+    add_clips(path, ("run",))
     return path
 
 
@@ -200,6 +201,12 @@ def test_controls_change_the_cloth(browser: Chromium, address: str) -> None:
         "document.getElementById('time').dispatchEvent(new Event('input'))"
     )
     browser.wait_for("Math.abs(uvcloth.playback.shown - 0.8) < 0.001 && !uvcloth.playback.isStarting")
+    browser.value(
+        "document.getElementById('play').click();"
+        "document.getElementById('animation').value = 1;"
+        "document.getElementById('animation').dispatchEvent(new Event('change'))"
+    )
+    browser.wait_for(f"uvcloth.playback.clip.name === 'run' && {PLAYING}")
     assert browser.value(SAID) == ""
     assert browser.errors == []
 

@@ -4,7 +4,7 @@ import base64
 import html
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -25,7 +25,10 @@ MODULES = ("runtime.js", "cloth.js", "playback.js", "scene.js", "files.js", "pag
 """Modules of the page, each after those that it imports."""
 
 SHOWN = {"dress.glb": ("dress",), "trousers and shirt.glb": ("bottoms", "tops")}
-"""Garments of the files that are baked where none is given, in which our body walks."""
+"""Garments of the files that are baked where none is given, on our own body."""
+
+CLIPS = ("walk", "twirl", "jump", "dance")
+"""Built-in clips that are the animations of these files."""
 
 POLICY = re.compile(r'(http-equiv="Content-Security-Policy" content=)"[^"]*"')
 SINGLE_POLICY = (
@@ -99,14 +102,36 @@ def _read(paths: tuple[Path, ...]) -> dict[str, bytes]:
 
 
 def _baked() -> dict[str, bytes]:
-    """Our own body in some garments."""
+    """Our own body in some garments, which has some clips."""
     from uvcloth.commands.bake import Bake
     from uvcloth.commands.bake_file import bake
 
     with tempfile.TemporaryDirectory(prefix="uvcloth-page-") as folder:
-        for name, garments in SHOWN.items():
-            bake(Bake(garments, Path(folder) / name, motion="walk", quality="fast"))
-        return {name: (Path(folder) / name).read_bytes() for name in SHOWN}
+        paths = [Path(folder) / name for name in SHOWN]
+        for path in paths:
+            bake(Bake(SHOWN[path.name], path, quality="fast"))
+            add_clips(path, CLIPS)
+        return {path.name: path.read_bytes() for path in paths}
+
+
+def add_clips(path: Path, clips: Sequence[str]) -> None:
+    """Add built-in clips to a baked file of our own body, behind its animations."""
+    import torch
+
+    from uvcloth.bodies.body import load_body
+    from uvcloth.export.gltf_cloth import animate_cloth
+    from uvcloth.export.gltf_reopened import reopened
+    from uvcloth.formats.gltf import read_gltf
+    from uvcloth.motion.library import load_clip
+
+    skin, document, body = open_baked(path).skin, reopened(read_gltf(path)), load_body()
+    for name in clips:
+        clip = load_clip(name, body)
+        animate_cloth(document, skin, clip.transforms(torch.float64).numpy(), clip.fps)
+        animation = {"name": name, "samplers": document.samplers, "channels": document.channels}
+        document.animations.append(animation)
+        document.samplers, document.channels = [], []
+    document.write(path)
 
 
 def _filled(page: str, characters: list[str]) -> str:

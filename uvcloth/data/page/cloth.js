@@ -58,9 +58,9 @@ class Cloth {
     return out;
   }
 
-  /** Let the cloth come to rest. kept: keep that rest, or go back to the one that was kept. */
-  start(joints, kept = false) {
-    return this.ask("start", { joints, kept });
+  /** Let the cloth come to rest. keepFor: anything but null keeps that rest, and goes back to it the next time. */
+  start(joints, keepFor = null) {
+    return this.ask("start", { joints, keepFor });
   }
 
   /** Move the cloth on; the answer has the vertices of each garment and the milliseconds that this took. */

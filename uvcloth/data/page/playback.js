@@ -3,13 +3,14 @@ import { AnimationMixer } from "./three.min.js";
 
 export const FPS = 30;
 const AHEAD = 3; // frames of cloth that are asked for before they are shown
+let count = 0;
 const SLOW = 0.1; // seconds that the display takes at most for one turn
 
 export class Playback {
   /** onFrame: called with every frame of cloth: {frame, joints, vertices, milliseconds}. onError: with a sentence. */
   constructor(gltf, cloth, clip, onFrame, onError) {
     Object.assign(this, { gltf, cloth, clip, onFrame, onError });
-    Object.assign(this, { speed: 1, playing: true, isStarting: false, time: 0, run: 0, frames: [], wanted: null });
+    Object.assign(this, { number: count++, speed: 1, playing: true, isStarting: false, time: 0, run: 0, frames: [], wanted: null });
     this.mixer = new AnimationMixer(gltf.scene);
     this.mixer.clipAction(clip).play();
     this.last = Math.max(1, Math.floor(clip.duration * FPS + 1e-3));
@@ -24,7 +25,7 @@ export class Playback {
       const first = Math.min(Math.round(this.wanted * FPS), this.last - 1);
       Object.assign(this, { wanted: null, time: first / FPS, next: first, run: this.run + 1, frames: [] });
       try {
-        await this.cloth.start(this.#joints(first), first === 0);
+        await this.cloth.start(this.#joints(first), first === 0 ? this.number : null);
       } catch (error) {
         this.onError(error.message);
       }

@@ -1,7 +1,7 @@
 // A worker that holds the cloth of one character: a question in, an answer out, in the same order.
 import { makeRuntime } from "./runtime.js";
 
-let runtime, toScene, world;
+let runtime, toScene, world, keptFor = null;
 
 const ANSWERS = {
   async open({ wasm, outfit, inverseAxes }) {
@@ -10,14 +10,15 @@ const ANSWERS = {
     return { joints: runtime.joints, garments: runtime.garments };
   },
   // Coming to rest takes as long as 65 steps, so the rest at the first frame is kept for the next turn.
-  start({ joints, kept }) {
-    if (kept && runtime.saved) {
+  start({ joints, keepFor }) {
+    if (keepFor !== null && keepFor === keptFor) {
       runtime.restore();
       if (world) runtime.setWorld(...world);
-    } else {
-      runtime.start(joints);
-      if (kept) runtime.save();
+      return {};
     }
+    runtime.start(joints);
+    if (keepFor !== null) runtime.save();
+    keptFor = keepFor ?? keptFor;
     return {};
   },
   step({ joints, seconds }) {
@@ -33,8 +34,7 @@ const ANSWERS = {
   },
   fabrics({ factors }) {
     factors.forEach((each, garment) => runtime.setFabric(garment, ...each));
-    runtime.core.free(runtime.saved);
-    runtime.saved = 0; // Other fabric comes to rest elsewhere.
+    keptFor = null; // Other fabric comes to rest elsewhere.
     return {};
   },
 };
