@@ -7,7 +7,7 @@ INSTALLED := .venv/installed
 # What is imported is compiled once and kept: without, every process would compile PyTorch again, for 5 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test engines fuzz wheel-test lint install runtime sanitize wheels clean
+.PHONY: demo test engines fuzz wheel-test lint install runtime wasm sanitize wheels clean
 
 demo: install
 	$(BIN)/uvcloth demo --out demo
@@ -36,6 +36,10 @@ install: $(INSTALLED) runtime
 # Compiles what has changed since the installation.
 runtime: $(INSTALLED)
 	@$(BIN)/python runtime/compile.py
+
+# Compiles the runtime for browsers, which `uvcloth page` writes.
+wasm: $(INSTALLED)
+	@$(BIN)/python runtime/compile.py --wasm uvcloth/player/uvcloth.wasm
 
 $(INSTALLED): pyproject.toml setup.py constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

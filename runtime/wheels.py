@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from compile import TARGETS
+from compile import TARGETS, compile_wasm
 
 ROOT = Path(__file__).resolve().parents[1]
 PLAYER, CORE = Path("uvcloth/player"), "uvcloth_core"
@@ -68,6 +68,8 @@ def build_wheels(target: Path, platforms: Iterable[str] = TARGETS) -> list[Path]
         source, core = Path(place) / "source", Path(place) / "core"
         copy_sources(source)
         copy_core(source, core)
+        # The pages of `uvcloth page` have the runtime for browsers, the same on every platform.
+        compile_wasm(source / PLAYER / "uvcloth.wasm")
         return [
             build_wheel(folder, player, platform, target)
             for folder, player in ((source, PLAYER), (core, Path(CORE)))

@@ -21,6 +21,7 @@ from uvcloth.commands.log import printed_log
 from uvcloth.commands.maps import Maps
 from uvcloth.commands.motion import Motion
 from uvcloth.commands.outfits import Outfits
+from uvcloth.commands.page import Page
 from uvcloth.commands.play import Play
 from uvcloth.commands.poses import Poses
 from uvcloth.commands.rollout import Rollout
@@ -65,6 +66,7 @@ COMMANDS: dict[str, Callable[..., Command]] = {
     "rollout": Rollout,
     "bake": Bake,
     "play": Play,
+    "page": Page,
     "tryon": TryOn,
     "body": MakeBody,
     "simulate": Simulate,

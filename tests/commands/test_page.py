@@ -1,0 +1,255 @@
+"""`uvcloth page`: what is written, and how clothes move in a browser."""
+
+import functools
+import json
+import re
+import struct
+import threading
+from collections.abc import Iterator
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.commands.chromium import PROGRAM, Chromium
+from uvcloth.commands import page_file
+from uvcloth.commands.bake import Bake
+from uvcloth.commands.bake_file import bake
+from uvcloth.commands.page import Page
+from uvcloth.commands.page_file import WASM, add_clips, write_page
+from uvcloth.errors import InputError
+from uvcloth.motion.options import MotionOptions
+from uvcloth.player.baked import EXTENSION, open_baked
+from uvcloth.player.outfit import Cloth, Outfit
+
+needs_wasm = pytest.mark.skipif(
+    not WASM.is_file(), reason="the runtime for WebAssembly is not compiled: make wasm"
+)
+needs_browser = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
+
+FRAMES = 10
+MILLIMETRE = 1e-3
+
+RECORD = f"""new Promise((done) => {{
+  const {{ playback }} = uvcloth, out = [];
+  playback.onFrame = ({{ frame, joints, vertices }}) => {{
+    out.push({{ frame, joints: [...joints], vertices: [...vertices[0]] }});
+    if (out.length === {FRAMES}) done(out);
+  }};
+  playback.restart(0);
+}})"""
+"""Expression whose value is the first frames of the cloth, with the joints that it was given."""
+
+PLAYING = "Boolean(globalThis.uvcloth?.playback.shown > 0.1)"
+SAID = "document.getElementById('message').textContent"
+
+
+@pytest.fixture(scope="module")
+def skirt(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A skirt on the body of the package, which walks."""
+    path = tmp_path_factory.mktemp("baked") / "a skirt & more.glb"
+    bake(Bake(("skirt",), path, motion="walk", quality="fast", options=MotionOptions(frames="20:60")))
+    add_clips(path, ("run",))
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(skirt: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The skirt's page, in a folder below that of a server."""
+    out = tmp_path_factory.mktemp("site") / "below"
+    write_page(Page(out, (skirt,)))
+    return out
+
+
+@pytest.fixture(scope="module")
+def single(skirt: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The skirt's page in one file."""
+    out = tmp_path_factory.mktemp("single") / "page.html"
+    write_page(Page(out, (skirt,)))
+    return out
+
+
+@pytest.fixture(scope="module")
+def address(folder: Path) -> Iterator[str]:
+    """The address of the folder's page on a server of this machine."""
+    handler = functools.partial(SimpleHTTPRequestHandler, directory=folder.parent)
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}/below/"
+        server.shutdown()
+        thread.join()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+    pytest.importorskip("websockets")
+    with Chromium(tmp_path_factory.mktemp("browser")) as browser:
+        yield browser
+
+
+def hosts(text: str) -> set[str]:
+    """Addresses of other hosts in a text, but for names of XML."""
+    return set(re.findall(r"(?:https?|wss?)://[\w.]+", text)) - {"http://www.w3.org"}
+
+
+@needs_wasm
+def test_a_folder_has_all_that_it_needs(folder: Path, skirt: Path) -> None:
+    names = {path.name for path in folder.iterdir()}
+    assert {"index.html", "uvcloth.wasm", skirt.name} <= names
+    for path in folder.glob("*.js"):
+        text = path.read_text(encoding="utf-8")
+        assert set(re.findall(r'from ?"\./([\w.]+)"', text)) <= names
+        assert hosts(text) == set()
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    assert hosts(page) == set()
+    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
+    assert "script-src 'self' 'wasm-unsafe-eval'" in policy
+    assert "unsafe-inline" not in policy
+    assert '<option value="a%20skirt%20%26%20more.glb">a skirt &amp; more</option>' in page
+    assert sum(path.stat().st_size for path in folder.iterdir()) - skirt.stat().st_size < 1.2e6
+
+
+@needs_wasm
+def test_a_single_file_holds_everything(single: Path, skirt: Path) -> None:
+    text = single.read_text(encoding="utf-8")
+    assert hosts(text) == set()
+    assert not re.search(r'(src|href)="(?!data:)', text)
+    assert single.stat().st_size < 1.4 * skirt.stat().st_size + 2e6
+
+
+@needs_wasm
+def test_bad_input_is_one_sentence(skirt: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.glb"
+    cut.write_bytes(skirt.read_bytes()[:-100])
+    for paths, words in (((cut,), r"cut\.glb"), ((skirt, skirt), "is there twice")):
+        with pytest.raises(InputError, match=words):
+            write_page(Page(tmp_path / "out", paths))
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_the_module_the_command_says_how_to_get_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(page_file, "WASM", tmp_path / "uvcloth.wasm")
+    with pytest.raises(InputError, match="`make wasm`"):
+        write_page(Page(tmp_path / "out"))
+
+
+def check_cloth(browser: Chromium, skirt: Path) -> None:
+    """Compare the first frames of the page that is open with the native runtime's."""
+    browser.wait_for(PLAYING)
+    frames = browser.value(RECORD)
+    assert [each["frame"] for each in frames] == list(range(FRAMES))
+    joints = np.array([each["joints"] for each in frames]).reshape(FRAMES, -1, 3, 4)
+    baked = open_baked(skirt)
+    np.testing.assert_allclose(joints, baked.motion(fps=30.0).transforms[:FRAMES], atol=2e-6)
+    cloth = Cloth(Outfit(baked.content))
+    cloth.start(joints[0])
+    off = []
+    for each, transforms in zip(frames, joints, strict=True):
+        cloth.step(transforms, 1.0 / 30.0)
+        expected = baked.in_scene(cloth.vertices(0))
+        off.append(np.linalg.norm(np.reshape(each["vertices"], (-1, 3)) - expected, axis=1) / MILLIMETRE)
+    print("mm off, mean and largest:", *(f"{each.mean():.4f} {each.max():.3f}," for each in off))
+    # Compilers round in other ways, and cloth has come to rest in 65 steps before the first frame.
+    assert np.mean(off) < 0.05
+    assert np.max(off[0]) < 1.0
+    assert np.max(off) < 5.0
+    assert browser.errors == []
+
+
+@needs_wasm
+@needs_browser
+def test_the_cloth_of_a_folder_is_that_of_the_runtime(browser: Chromium, address: str, skirt: Path) -> None:
+    browser.open(address)
+    check_cloth(browser, skirt)
+
+
+@needs_wasm
+@needs_browser
+def test_the_cloth_of_a_single_file_is_that_of_the_runtime(
+    browser: Chromium, single: Path, skirt: Path
+) -> None:
+    browser.open(single.as_uri())
+    check_cloth(browser, skirt)
+
+
+@needs_wasm
+@needs_browser
+def test_controls_change_the_cloth(browser: Chromium, address: str) -> None:
+    browser.open(address)
+    browser.wait_for(PLAYING)
+    # Without gravity, in a gale, of silk: the hem rises.
+    browser.value(
+        """for (const [name, value] of [["wind-x", 12], ["gravity", 0], ["fabric", "0.08 50 2e-06"]]) {
+          const control = document.getElementById(name);
+          control.value = value;
+          for (const kind of ["input", "change"]) control.dispatchEvent(new Event(kind));
+        }"""
+    )
+    lowest = "Math.min(...uvcloth.cloth.garments[0].points.filter((_, i) => i % 3 === 1))"
+    before = browser.value(lowest)
+    browser.wait_for(f"{lowest} > {before} + 0.02")
+    browser.value("document.getElementById('play').click()")
+    time = browser.value("uvcloth.playback.time")
+    browser.value("new Promise((done) => setTimeout(done, 300))")
+    assert browser.value("uvcloth.playback.time") == time
+    browser.value(
+        "document.getElementById('time').value = 0.8;"
+        "document.getElementById('time').dispatchEvent(new Event('input'))"
+    )
+    browser.wait_for("Math.abs(uvcloth.playback.shown - 0.8) < 0.001 && !uvcloth.playback.isStarting")
+    browser.value(
+        "document.getElementById('play').click();"
+        "document.getElementById('animation').value = 1;"
+        "document.getElementById('animation').dispatchEvent(new Event('change'))"
+    )
+    browser.wait_for(f"uvcloth.playback.clip.name === 'run' && {PLAYING}")
+    assert browser.value(SAID) == ""
+    assert browser.errors == []
+
+
+def rewritten(content: bytes, old: str, new: str) -> bytes:
+    """A .glb with other JSON of the same length."""
+    (length,) = struct.unpack_from("<I", content, 12)
+    text = content[20 : 20 + length].decode()
+    assert old in text
+    text = text.replace(old, new)
+    assert len(json.dumps(json.loads(text))) > 0
+    return content[:20] + text.encode().ljust(length) + content[20 + length :]
+
+
+@needs_wasm
+@needs_browser
+def test_a_dropped_file_is_played_or_refused_with_a_sentence(
+    browser: Chromium, address: str, folder: Path, skirt: Path
+) -> None:
+    content = skirt.read_bytes()
+    refused = {
+        "cut.glb": (content[: len(content) // 2], "it is cut"),
+        "text.glb": (b"no file of this kind, but some words", "no binary glTF"),
+        "plain.glb": (rewritten(content, EXTENSION, "UVCLOTH_other"), f"no extension {EXTENSION}"),
+        "newer.glb": (rewritten(content, '"version":1', '"version":2'), "of version 2"),
+    }
+    browser.open(address)
+    browser.wait_for(PLAYING)
+    dropped = """(async () => {
+      const file = new File([await (await fetch("%s")).arrayBuffer()], "%s");
+      const data = new DataTransfer();
+      data.items.add(file);
+      globalThis.before = uvcloth.cloth;
+      dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
+    })()"""
+    for name, (damaged, words) in refused.items():
+        (folder / name).write_bytes(damaged)
+        browser.value(dropped % (name, name))
+        browser.wait_for(f"{SAID}.startsWith('{name}')")
+        assert words in browser.value(SAID)
+    # What was shown before plays on, and a whole file is played.
+    time = browser.value("uvcloth.playback.shown")
+    browser.wait_for(f"uvcloth.playback.shown !== {time}")
+    browser.value(dropped % ("a%20skirt%20%26%20more.glb", "again.glb"))
+    browser.wait_for(f"uvcloth.cloth !== before && {PLAYING} && {SAID} === ''")
+    assert browser.errors == []

@@ -1,0 +1,181 @@
+"""Web pages on which clothes move: our modules, three.js, the runtime as WebAssembly, and baked files."""
+
+import base64
+import html
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from urllib.parse import quote
+
+from uvcloth.commands.page import Page
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import atomic_write
+from uvcloth.physics.fabric import FABRICS
+from uvcloth.player.baked import FABRIC, open_baked
+from uvcloth.player.outfit import Outfit
+
+SOURCES = Path(str(files("uvcloth") / "data" / "page"))
+WASM = Path(str(files("uvcloth") / "player" / "uvcloth.wasm"))
+
+THREE = "three.min.js"
+MODULES = ("runtime.js", "cloth.js", "playback.js", "scene.js", "files.js", "page.js")
+"""Modules of the page, each after those that it imports."""
+
+SHOWN = {"dress.glb": ("dress",), "trousers and shirt.glb": ("bottoms", "tops")}
+"""Garments of the files that are baked where none is given, on our own body."""
+
+CLIPS = ("walk", "twirl", "jump", "dance")
+"""Built-in clips that are the animations of these files."""
+
+POLICY = re.compile(r'(http-equiv="Content-Security-Policy" content=)"[^"]*"')
+SINGLE_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' data: 'wasm-unsafe-eval'; worker-src blob:; "
+    "style-src 'unsafe-inline'; connect-src blob: data:; img-src blob: data:"
+)
+"""Content security policy of a page in one file: as in a folder, nothing is fetched from elsewhere."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """Result: the page to open, and the sizes of its files in bytes, by name."""
+
+    page: Path
+    sizes: Mapping[str, int]
+
+    def lines(self) -> list[str]:
+        """Text of the result for a terminal, line by line."""
+        parts = ", ".join(f"{name} {size / 1e6:.2f}" for name, size in self.sizes.items() if size >= 5e4)
+        return [f"{self.page}: {sum(self.sizes.values()) / 1e6:.2f} MB", f"of which, in MB: {parts}"]
+
+
+def write_page(command: Page) -> Written:
+    """Write a page as a folder, or as one file.
+
+    Raises InputError without the runtime for WebAssembly, for files that are not baked or damaged, two of one
+    name, and a full disk.
+    """
+    if not WASM.is_file():
+        raise InputError(
+            "page: the runtime for WebAssembly is not installed; `make wasm` compiles it in a checkout, and "
+            "wheels have it"
+        )
+    characters = _read(command.file) if command.file else _baked()
+    page = _filled((SOURCES / "index.html").read_text(encoding="utf-8"), list(characters))
+    wasm = WASM.read_bytes()
+    if command.out.suffix.lower() == ".html":
+        parts = {"uvcloth.wasm": wasm, **characters}
+        content = _joined(page, parts).encode()
+        _write(command.out, content)
+        return Written(command.out, {command.out.name: len(content)})
+    names = ("page.css", "worker.js", THREE, *MODULES)
+    written = {name: (SOURCES / name).read_bytes() for name in names}
+    # The page comes last: where it is, the others are.
+    written |= {"uvcloth.wasm": wasm, **characters, "index.html": page.encode()}
+    for name, content in written.items():
+        _write(command.out / name, content)
+    return Written(command.out / "index.html", {name: len(content) for name, content in written.items()})
+
+
+def _write(path: Path, content: bytes) -> None:
+    with atomic_write(path) as unfinished:
+        unfinished.write_bytes(content)
+
+
+def _read(paths: tuple[Path, ...]) -> dict[str, bytes]:
+    """The files by name, checked to be whole."""
+    characters: dict[str, bytes] = {}
+    for path in paths:
+        if path.name in characters:
+            raise InputError(f"page: {path.name} is there twice; a page has one file of a name")
+        try:
+            baked = open_baked(path)
+            outfit = Outfit(baked.content)
+            baked.require_fit(outfit.joints, outfit.garments)
+            baked.motion()
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        characters[path.name] = path.read_bytes()
+    return characters
+
+
+def _baked() -> dict[str, bytes]:
+    """Our own body in some garments, which has some clips."""
+    from uvcloth.commands.bake import Bake
+    from uvcloth.commands.bake_file import bake
+
+    with tempfile.TemporaryDirectory(prefix="uvcloth-page-") as folder:
+        paths = [Path(folder) / name for name in SHOWN]
+        for path in paths:
+            bake(Bake(SHOWN[path.name], path, quality="fast"))
+            add_clips(path, CLIPS)
+        return {path.name: path.read_bytes() for path in paths}
+
+
+def add_clips(path: Path, clips: Sequence[str]) -> None:
+    """Add built-in clips to a baked file of our own body, behind its animations."""
+    import torch
+
+    from uvcloth.bodies.body import load_body
+    from uvcloth.export.gltf_cloth import animate_cloth
+    from uvcloth.export.gltf_reopened import reopened
+    from uvcloth.formats.gltf import read_gltf
+    from uvcloth.motion.library import load_clip
+
+    skin, document, body = open_baked(path).skin, reopened(read_gltf(path)), load_body()
+    for name in clips:
+        clip = load_clip(name, body)
+        animate_cloth(document, skin, clip.transforms(torch.float64).numpy(), clip.fps)
+        animation = {"name": name, "samplers": document.samplers, "channels": document.channels}
+        document.animations.append(animation)
+        document.samplers, document.channels = [], []
+    document.write(path)
+
+
+def _filled(page: str, characters: list[str]) -> str:
+    """The page with the choices of its lists."""
+    choices = [_option(quote(name), name.removesuffix(".glb")) for name in characters]
+    fabrics = [
+        _option(" ".join(f"{getattr(fabric, each):g}" for each in FABRIC), name)
+        for name, fabric in FABRICS.items()
+    ]
+    page = page.replace("<!-- characters -->", "".join(choices))
+    return page.replace("<!-- fabrics -->", "".join(fabrics))
+
+
+def _option(value: str, text: str) -> str:
+    return f'<option value="{html.escape(value)}">{html.escape(text)}</option>'
+
+
+def _joined(page: str, parts: Mapping[str, bytes]) -> str:
+    """The page with everything in it: modules by an import map, the rest as base64."""
+
+    def source(name: str) -> str:
+        return (SOURCES / name).read_text(encoding="utf-8")
+
+    def embedded(content: str) -> str:
+        return f"data:text/javascript;base64,{base64.b64encode(content.encode()).decode()}"
+
+    # An address that is data has no folder, so that modules have plain names here.
+    modules = {name: source(name).replace('from "./', 'from "') for name in (THREE, *MODULES)}
+    entries = ",\n".join(f'"{name}": "{embedded(content)}"' for name, content in modules.items())
+    # The worker has no import map: it gets its only module in its own text.
+    worker = re.sub(r"^import .*\n", "", source("worker.js"), flags=re.MULTILINE)
+    runtime = re.sub(r"^export ", "", source("runtime.js"), flags=re.MULTILINE)
+    inside = {"worker.js": f"{runtime}\n{worker}".encode(), **parts}
+    scripts = [
+        f'<script type="text/plain" data-file="{html.escape(quote(name))}">'
+        f"{base64.b64encode(content).decode()}</script>"
+        for name, content in inside.items()
+    ]
+    scripts += [
+        f'<script type="importmap">{{"imports": {{\n{entries}\n}}}}</script>',
+        '<script type="module">import "page.js";</script>',
+    ]
+    page = POLICY.sub(rf'\1"{SINGLE_POLICY}"', page)
+    page = page.replace(
+        '<link rel="stylesheet" href="page.css">', f"<style>\n{source('page.css')}</style>"
+    ).replace('<script type="module" src="page.js"></script>\n', "")
+    return page.replace("</body>", "\n".join([*scripts, "</body>"]))

@@ -1,0 +1,164 @@
+// The page: its controls, and the loop that draws.
+import { makeCloth } from "./cloth.js";
+import { bytesOf, makeWorker } from "./files.js";
+import { FPS, Playback } from "./playback.js";
+import { hasVectors } from "./runtime.js";
+import { Stage } from "./scene.js";
+import { GLTFLoader, Vector3 } from "./three.min.js";
+
+const OF_FILE = "glTF", GLB = 0x46546c67;
+const control = (name) => document.getElementById(name);
+const AVERAGED = 30; // frames
+
+let stage, playback, cloth, wasm, milliseconds = [], opening = 0;
+
+function say(sentence) {
+  control("message").textContent = sentence;
+}
+
+/** Load a .glb and play it. name: of the character, for messages. */
+async function open(name, content) {
+  const turn = ++opening;
+  control("busy").hidden = false;
+  let worker;
+  try {
+    const bytes = await content;
+    checkWhole(bytes);
+    const gltf = await new GLTFLoader().parseAsync(bytes, "");
+    worker = makeWorker();
+    wasm ??= await bytesOf("uvcloth.wasm");
+    const opened = await makeCloth(gltf, worker, wasm);
+    if (!gltf.animations.length) throw new Error("it has no animation");
+    if (turn !== opening) return worker.terminate();
+    cloth?.worker.terminate();
+    cloth = opened;
+    stage.show(gltf);
+    listAnimations(gltf);
+    say("");
+    if (control("fabric").value) changeFabric();
+    changeWorld();
+    play(gltf, 0);
+    stage.frame();
+  } catch (error) {
+    worker?.terminate();
+    if (turn === opening) say(`${name}: ${error.message}`);
+  } finally {
+    if (turn === opening) control("busy").hidden = true;
+  }
+}
+
+// What the loader of three.js says of a cut file is no sentence for readers.
+function checkWhole(bytes) {
+  const head = new DataView(bytes);
+  if (bytes.byteLength < 20 || head.getUint32(0, true) !== GLB) throw new Error(`it is no binary ${OF_FILE} (.glb)`);
+  const size = head.getUint32(8, true);
+  if (size > bytes.byteLength) throw new Error(`it is cut: ${bytes.byteLength} of ${size} bytes are there`);
+}
+
+function play(gltf, index) {
+  const { playing = true } = playback ?? {};
+  playback = new Playback(gltf, cloth, gltf.animations[index], count, say);
+  Object.assign(playback, { playing, speed: Number(control("speed").value) });
+  control("time").max = playback.last / FPS;
+  playback.restart(0);
+  globalThis.uvcloth = { cloth, playback, stage }; // for the browser's console
+}
+
+function listAnimations(gltf) {
+  const named = gltf.animations.map((clip, index) => new Option(clip.name || `animation ${index + 1}`, index));
+  control("animation").replaceChildren(...named);
+  control("animation").closest("label").hidden = named.length < 2;
+}
+
+function count(frame) {
+  milliseconds = [...milliseconds, frame.milliseconds].slice(-AVERAGED);
+  const mean = milliseconds.reduce((a, b) => a + b, 0) / milliseconds.length;
+  control("milliseconds").textContent = `${mean.toFixed(1)} ms per frame`;
+}
+
+function changeWorld() {
+  const value = (name) => Number(control(name).value);
+  for (const name of ["wind-x", "wind-y", "gravity", "speed"]) control(name).nextElementSibling.value = value(name);
+  cloth?.setWorld([value("wind-x"), value("wind-y"), 0], [0, 0, -value("gravity")]).catch((error) => say(error.message));
+}
+
+function changeFabric() {
+  const { value } = control("fabric");
+  cloth?.setFabric(value && value.split(" ").map(Number)).catch((error) => say(error.message));
+}
+
+function togglePlaying() {
+  if (!playback) return;
+  playback.playing = !playback.playing;
+}
+
+function openFile(file) {
+  if (!file) return;
+  const { options } = control("character");
+  const option = [...options].find((each) => each.text === file.name) ?? new Option(file.name, "");
+  option.content = file;
+  if (!option.parentNode) control("character").append(option);
+  option.selected = true;
+  open(file.name, file.arrayBuffer());
+}
+
+function openChosen() {
+  const option = control("character").selectedOptions[0];
+  open(option.text, option.content ? option.content.arrayBuffer() : bytesOf(option.value));
+}
+
+function connect() {
+  control("controls").open = !matchMedia("(max-width: 600px)").matches;
+  const on = (name, kind, act) => control(name).addEventListener(kind, act);
+  on("play", "click", togglePlaying);
+  on("time", "input", () => playback?.restart(Number(control("time").value)));
+  on("speed", "input", () => {
+    if (playback) playback.speed = Number(control("speed").value);
+    changeWorld();
+  });
+  for (const name of ["wind-x", "wind-y", "gravity"]) on(name, "input", changeWorld);
+  on("fabric", "change", changeFabric);
+  on("character", "change", openChosen);
+  on("animation", "change", () => play(playback.gltf, Number(control("animation").value)));
+  on("file", "change", () => openFile(control("file").files[0]));
+  addEventListener("dragover", (event) => event.preventDefault());
+  addEventListener("drop", (event) => {
+    event.preventDefault();
+    openFile(event.dataTransfer.files[0]);
+  });
+  addEventListener("keydown", (event) => {
+    if (event.key !== " " || event.target.closest("button, select, input, summary")) return;
+    event.preventDefault();
+    togglePlaying();
+  });
+}
+
+const point = new Vector3();
+let before = performance.now();
+
+function draw(now) {
+  const seconds = Math.max(0, now - before) / 1e3;
+  before = now;
+  if (playback) {
+    playback.advance(seconds);
+    control("play").textContent = playback.playing ? "Pause" : "Play";
+    if (document.activeElement !== control("time") || playback.playing) control("time").value = playback.time;
+    control("clock").textContent = `${playback.time.toFixed(1)} s`;
+    stage.draw(point.setFromMatrixPosition(cloth.bones[0].matrixWorld), seconds);
+  }
+  requestAnimationFrame(draw);
+}
+
+function begin() {
+  if (!hasVectors()) return say("This browser has no WebAssembly with vectors (SIMD), which the cloth needs.");
+  try {
+    stage = new Stage(control("view"));
+  } catch {
+    return say("This browser shows no WebGL, which the page draws with.");
+  }
+  connect();
+  openChosen();
+  requestAnimationFrame(draw);
+}
+
+begin();

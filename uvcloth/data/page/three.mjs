@@ -1,0 +1,10 @@
+// The parts of three.js that the page uses. Beside node_modules with three@0.187.0 and esbuild@0.28.2, three.min.js is made by
+//
+//   esbuild three.mjs --bundle --minify --format=esm --legal-comments=none
+//     --banner:js="/*! three.js r187. $(cat node_modules/three/LICENSE) */" --outfile=three.min.js
+export {
+  AnimationMixer, Box3, Color, DirectionalLight, HemisphereLight, LoopOnce, Mesh, MeshStandardMaterial,
+  PCFShadowMap, PerspectiveCamera, PlaneGeometry, Scene, ShadowMaterial, Vector3, WebGLRenderer,
+} from "three";
+export { OrbitControls } from "three/addons/controls/OrbitControls.js";
+export { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
