@@ -247,6 +247,7 @@ def test_a_dropped_file_is_played_or_refused_with_a_sentence(
         browser.value(dropped % (name, name))
         browser.wait_for(f"{SAID}.startsWith('{name}')")
         assert words in browser.value(SAID)
+        assert browser.value("document.getElementById('character').value") == "a%20skirt%20%26%20more.glb"
     # What was shown before plays on, and a whole file is played.
     time = browser.value("uvcloth.playback.shown")
     browser.wait_for(f"uvcloth.playback.shown !== {time}")

@@ -10,19 +10,20 @@ const OF_FILE = "glTF", GLB = 0x46546c67;
 const control = (name) => document.getElementById(name);
 const AVERAGED = 30; // frames
 
-let stage, playback, cloth, wasm, milliseconds = [], opening = 0;
+let stage, playback, cloth, wasm, current, milliseconds = [], opening = 0, isOpening = false;
 
 function say(sentence) {
   control("message").textContent = sentence;
 }
 
-/** Load a .glb and play it. name: of the character, for messages. */
-async function open(name, content) {
+/** Load the .glb of an option of the list and play it; if it cannot be, what was shown plays on. */
+async function open(option) {
   const turn = ++opening;
   control("busy").hidden = false;
+  isOpening = true;
   let worker;
   try {
-    const bytes = await content;
+    const bytes = await (option.content ? option.content.arrayBuffer() : bytesOf(option.value));
     checkWhole(bytes);
     const gltf = await new GLTFLoader().parseAsync(bytes, "");
     worker = makeWorker();
@@ -39,11 +40,17 @@ async function open(name, content) {
     changeWorld();
     play(gltf, 0);
     stage.frame();
+    if (!option.parentNode) control("character").append(option);
+    option.selected = true;
+    current = option;
   } catch (error) {
     worker?.terminate();
-    if (turn === opening) say(`${name}: ${error.message}`);
+    if (turn !== opening) return;
+    if (current) current.selected = true;
+    say(`${option.text}: ${error.message}`);
   } finally {
-    if (turn === opening) control("busy").hidden = true;
+    if (turn === opening) isOpening = false;
+    control("busy").hidden = !isOpening;
   }
 }
 
@@ -97,14 +104,11 @@ function openFile(file) {
   const { options } = control("character");
   const option = [...options].find((each) => each.text === file.name) ?? new Option(file.name, "");
   option.content = file;
-  if (!option.parentNode) control("character").append(option);
-  option.selected = true;
-  open(file.name, file.arrayBuffer());
+  open(option);
 }
 
 function openChosen() {
-  const option = control("character").selectedOptions[0];
-  open(option.text, option.content ? option.content.arrayBuffer() : bytesOf(option.value));
+  open(control("character").selectedOptions[0]);
 }
 
 function connect() {
@@ -144,7 +148,10 @@ function draw(now) {
     control("play").textContent = playback.playing ? "Pause" : "Play";
     if (document.activeElement !== control("time") || playback.playing) control("time").value = playback.time;
     control("clock").textContent = `${playback.time.toFixed(1)} s`;
-    stage.draw(point.setFromMatrixPosition(cloth.bones[0].matrixWorld), seconds);
+    // Before the cloth has come to rest there is nothing to draw: the picture before stays.
+    const isShown = playback.shown !== undefined;
+    if (isShown) stage.draw(point.setFromMatrixPosition(cloth.bones[0].matrixWorld), seconds);
+    if (!isOpening) control("busy").hidden = isShown && !playback.isStarting;
   }
   requestAnimationFrame(draw);
 }

@@ -24,12 +24,13 @@ export class Playback {
     while (this.wanted !== null) {
       const first = Math.min(Math.round(this.wanted * FPS), this.last - 1);
       Object.assign(this, { wanted: null, time: first / FPS, next: first, run: this.run + 1, frames: [] });
+      const joints = this.#joints(first);
+      this.#pose(this.shown ?? this.time);
       try {
-        await this.cloth.start(this.#joints(first), first === 0 ? this.number : null);
+        await this.cloth.start(joints, first === 0 ? this.number : null);
       } catch (error) {
         this.onError(error.message);
       }
-      this.#pose(this.shown ?? this.time);
     }
     this.isStarting = false;
     this.#ask();
