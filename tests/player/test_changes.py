@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Outfit as WornOutfit
-from uvcloth.garments.templates import fit_template
 from uvcloth.methods.physics.outfit import PhysicsConfig, make_caged_outfit
 from uvcloth.motion.library import load_clip
 from uvcloth.player.outfit import Cloth, Outfit
@@ -20,16 +19,6 @@ FPS = 30.0
 FRAMES = 12
 
 Joints = NDArray[np.float64]
-
-
-@pytest.fixture(scope="module")
-def worn(body: Body) -> WornOutfit:
-    return WornOutfit(body, (fit_template("skirt", body),))
-
-
-@pytest.fixture(scope="module")
-def outfit(worn: WornOutfit) -> Outfit:
-    return Outfit(make_caged_outfit(worn, FAST).baked.content)
 
 
 @pytest.fixture(scope="module")

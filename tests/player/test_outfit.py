@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Outfit as WornOutfit
-from uvcloth.garments.templates import fit_template
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import PhysicsConfig, bake_outfit, make_caged_outfit
+from uvcloth.methods.physics.outfit import PhysicsConfig, bake_outfit
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.roles import joint_roles
 from uvcloth.player.outfit import Cloth, Outfit
@@ -24,21 +23,6 @@ MILLIMETRE = 1e-3
 FPS = 30.0
 
 Joints = NDArray[np.float64]
-
-
-@pytest.fixture(scope="module")
-def worn(body: Body) -> WornOutfit:
-    return WornOutfit(body, (fit_template("skirt", body),))
-
-
-@pytest.fixture(scope="module")
-def content(worn: WornOutfit) -> bytes:
-    return make_caged_outfit(worn, FAST).baked.content
-
-
-@pytest.fixture(scope="module")
-def outfit(content: bytes) -> Outfit:
-    return Outfit(content)
 
 
 @pytest.fixture(scope="module")
