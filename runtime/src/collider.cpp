@@ -13,9 +13,6 @@ constexpr float CLOSE = 0.01f;
 // Seconds after a search of all faces in which a vertex is followed within the whole reach.
 constexpr float LONGEST = 1.0f / 60.0f;
 
-// Metres beyond which nothing is.
-constexpr float FAR = 1e9f;
-
 // Metres by which distances may be off by rounding.
 constexpr float ROUNDED = 1e-5f;
 
@@ -150,17 +147,6 @@ void put_in_lanes(const Vec *vectors, int count, Array<LaneVec> blocks) {
         int32_t indices[LANES];
         for (int lane = 0; lane < LANES; lane++) indices[lane] = least(LANES * block + lane, count - 1);
         blocks.at(block) = gather(vectors, indices);
-    }
-}
-
-// Box around some points; around none one in which nothing is.
-void bound(Array<int32_t> indices, const Vec *points, Vec &low, Vec &high) {
-    low = {FAR, FAR, FAR};
-    high = -low;
-    for (int index : indices) {
-        Vec p = points[index];
-        low = {least(low.x, p.x), least(low.y, p.y), least(low.z, p.z)};
-        high = {most(high.x, p.x), most(high.y, p.y), most(high.z, p.z)};
     }
 }
 

@@ -112,13 +112,19 @@ void find_vertices(LaneTree &tree, int vertices, Arena &arena) {
 
 }  // namespace
 
-void sort_along_widest(Array<int32_t> order, Array<Vec> points) {
-    Vec low = points[order[0]], high = low;
-    for (int index : order) {
+void bound(Array<int32_t> indices, const Vec *points, Vec &low, Vec &high) {
+    low = {FAR, FAR, FAR};
+    high = -low;
+    for (int index : indices) {
         Vec p = points[index];
         low = {least(low.x, p.x), least(low.y, p.y), least(low.z, p.z)};
         high = {most(high.x, p.x), most(high.y, p.y), most(high.z, p.z)};
     }
+}
+
+void sort_along_widest(Array<int32_t> order, Array<Vec> points) {
+    Vec low, high;
+    bound(order, points.data, low, high);
     Vec size = high - low;
     int along = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
     sort(order, [&](int a, int b) { return axis(points[a], along) < axis(points[b], along); });
@@ -187,12 +193,9 @@ void fit(const LaneTree &tree, const Vec *points, FittedTree &fitted) {
                 put(fitted.boxes.at(node), lane, lowest(boxes.low), highest(boxes.high));
                 continue;
             }
-            Vec low = points[tree.vertices.at(tree.vertex_starts.at(child))], high = low;
-            for (int k = tree.vertex_starts.at(child); k < tree.vertex_starts.at(child + 1); k++) {
-                Vec point = points[tree.vertices.at(k)];
-                low = {least(low.x, point.x), least(low.y, point.y), least(low.z, point.z)};
-                high = {most(high.x, point.x), most(high.y, point.y), most(high.z, point.z)};
-            }
+            Vec low, high;
+            int first = tree.vertex_starts.at(child), last = tree.vertex_starts.at(child + 1);
+            bound(tree.vertices.part(first, last), points, low, high);
             put(fitted.boxes.at(node), lane, low, high);
         }
     }

@@ -7,6 +7,10 @@
 
 namespace uvc {
 
+// Lowest and highest corner, m, of the box around points of some indices; around none, a box in which nothing
+// is.
+void bound(Array<int32_t> indices, const Vec *points, Vec &low, Vec &high);
+
 // Sorts indices of points along the axis in which these extend most.
 void sort_along_widest(Array<int32_t> order, Array<Vec> points);
 
