@@ -7,8 +7,10 @@ namespace uvc {
 namespace {
 
 // From what a number is predicted: nothing, the row before, the number before, or those that were met last,
-// as in faces, whose corners come again. The code begins with one of these.
+// as in faces, whose corners come again. The code begins with one of these, or with STORED: the numbers follow
+// as they are.
 enum Prediction : uint8_t { NONE = 0, ABOVE = 1, LEFT = 2, RECENT = 3 };
+constexpr uint8_t STORED = 4;
 
 constexpr int ODDS_BITS = 16;
 
@@ -219,7 +221,13 @@ Prediction best_prediction(Array<int32_t> numbers, int columns) {
 
 bool decode_section(const uint8_t *code, size_t size, int columns, Array<int32_t> numbers) {
     if (!numbers.size) return size == 0;
-    if (size < 2 || code[0] > RECENT) return false;
+    if (size < 2 || code[0] > STORED) return false;
+    if (code[0] == STORED) {
+        size_t bytes = sizeof(int32_t) * (size_t)numbers.size;
+        if (size - 1 != bytes) return false;
+        memcpy(numbers.data, code + 1, bytes);
+        return true;
+    }
     Prediction prediction = (Prediction)code[0];
     Decoder decoder(code + 1, size - 1);
     auto *coder = make<Coder<Decoder>>(decoder, prediction);

@@ -48,11 +48,17 @@ struct Outfit {
 
     void put(size_t place, uint32_t value) { memcpy(bytes + place, &value, 4); }
 
-    // Adds a section behind those before it.
+    // Adds a section behind those before it, every other one with its numbers as they are.
     void entry(size_t k, const char *name, uint32_t kind, const int32_t *numbers, int rows, int columns) {
         size_t place = HEADER + k * ENTRY;
-        uint32_t length =
-            (uint32_t)uvc_encode_section(numbers, rows, columns, bytes + size, (int64_t)(ROOM - size));
+        constexpr uint8_t STORED = 4;
+        uint32_t length = 1 + 4 * (uint32_t)(rows * columns);
+        if (k % 2) {
+            bytes[size] = STORED;
+            memcpy(bytes + size + 1, numbers, length - 1);
+        } else {
+            length = (uint32_t)uvc_encode_section(numbers, rows, columns, bytes + size, (int64_t)(ROOM - size));
+        }
         const float step = 0.25f;
         memcpy(bytes + place, name, strlen(name));
         put(place + 32, kind);

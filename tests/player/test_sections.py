@@ -9,7 +9,7 @@ import pytest
 
 from uvcloth.player.handles import pointer
 from uvcloth.player.library import library
-from uvcloth.player.sections import MAGIC, MOST_NUMBERS, VERSION, pack
+from uvcloth.player.sections import MAGIC, MOST_NUMBERS, STORED, VERSION, pack
 
 ARRAYS = {
     "points": np.arange(6, dtype=np.float64).reshape(2, 3) / 7.0,
@@ -49,8 +49,9 @@ def random_arrays() -> Iterator[np.ndarray]:
     yield random.standard_normal((300, 3))
 
 
-def test_arrays_come_back_as_floats_and_integers_of_32_bits() -> None:
-    unpacked = unpack(pack(ARRAYS))
+@pytest.mark.parametrize("compressed", [False, True])
+def test_arrays_come_back_as_floats_and_integers_of_32_bits(compressed: bool) -> None:
+    unpacked = unpack(pack(ARRAYS, compressed=compressed))
     assert list(unpacked) == list(ARRAYS)
     for name, array in ARRAYS.items():
         floating = np.issubdtype(array.dtype, np.floating)
@@ -63,15 +64,23 @@ def test_arrays_come_back_as_floats_and_integers_of_32_bits() -> None:
 
 @pytest.mark.parametrize("array", tuple(random_arrays()))
 def test_whatever_the_numbers_are_they_come_back(array: np.ndarray) -> None:
-    content = pack({"array": array})
+    content = pack({"array": array}, compressed=True)
     floating = np.issubdtype(array.dtype, np.floating)
     expected = array.astype(np.float32 if floating else np.int32)
     assert np.array_equal(unpack(content)["array"][1], expected.reshape(len(array), -1))
     assert len(content) < 5 * array.size + 200
+    assert np.array_equal(unpack(pack({"array": array}))["array"][1], expected.reshape(len(array), -1))
 
 
 def test_numbers_that_repeat_take_nearly_no_bytes() -> None:
-    assert len(pack({"nothing": np.zeros(100_000)})) < 700
+    assert len(pack({"nothing": np.zeros(100_000)}, compressed=True)) < 700
+
+
+@pytest.mark.parametrize("length", [0, 1, 12, 14])
+def test_stored_numbers_that_are_cut_or_too_long_are_refused(length: int) -> None:
+    numbers, code = np.zeros((3, 1), np.int32), np.frombuffer(STORED + bytes(13), np.uint8)
+    assert not library().uvc_decode_section(pointer(code), length, pointer(numbers), 3, 1)
+    assert library().uvc_decode_section(pointer(code), 13, pointer(numbers), 3, 1)
 
 
 def test_rounded_floats_are_multiples_of_their_step() -> None:

@@ -94,7 +94,7 @@ def bake_outfit(outfit: Outfit, config: PhysicsConfig) -> bytes:
     """
     if outfit.body.pose_shapes is not None:
         raise InputError(f"body {outfit.body.name}: pose shapes cannot be baked, only blend weights")
-    return pack(_caged_sections(outfit, config, rounded=True)[1], STEPS)
+    return pack(_caged_sections(outfit, config, rounded=True)[1], STEPS, compressed=True)
 
 
 def _caged_sections(
