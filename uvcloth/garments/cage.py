@@ -251,11 +251,11 @@ def _cells(surface: _Surface) -> tuple[Indices, Indices]:
     return cells, seeds
 
 
-def _nearest(graph: csr_array, seeds: Indices) -> tuple[Floats, Indices]:
-    """Distance (P,) to the nearest seed, and its index (P,) among the S, -1 where none is reached."""
+def _nearest(graph: csr_array, seeds: Indices, limit: float = np.inf) -> tuple[Floats, Indices]:
+    """Distance (P,) to the nearest seed, and its index (P,) among the S, -1 where none is within the limit."""
     if not len(seeds):
         return np.full(graph.shape[0], np.inf), np.full(graph.shape[0], -1)
-    ways, _, sources = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
+    ways, _, sources = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True, limit=limit)
     number = np.full(graph.shape[0] + 1, -1)
     number[seeds] = np.arange(len(seeds))
     return ways, number[np.where(sources < 0, graph.shape[0], sources)]
@@ -268,13 +268,13 @@ def _thrown(
     seeds = np.zeros(0, np.int64)
     first, second = coo_array(graph).coords
     while True:
-        ways, _ = _nearest(graph, np.concatenate([fixed, seeds]))
+        ways, _ = _nearest(graph, np.concatenate([fixed, seeds]), APART)
         free = np.flatnonzero(allowed & (ways > APART))
         if not len(free):
             return seeds
         darts = generator.permutation(free)[: max(1, len(free) // 8)]
         while True:
-            ways, cells = _nearest(graph, darts)
+            ways, cells = _nearest(graph, darts, APART)
             met = (cells[first] != cells[second]) & (cells[first] >= 0) & (cells[second] >= 0)
             met &= ways[first] + graph.data + ways[second] < APART
             if not met.any():

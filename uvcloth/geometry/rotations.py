@@ -1,7 +1,7 @@
 """Rotation matrices: applied to vectors, and to and from quaternions, axis-angles and Euler angles.
 
-The conversions that need care are kornia's, imported where they are used: that takes a second, which
-reading a clip does not need.
+The conversions that need care are kornia's, and scipy's where files need them, imported where they are used:
+kornia takes a second, which reading a clip and writing a rollout do not need.
 """
 
 import torch
@@ -20,10 +20,11 @@ def rotate_back(frames: Tensor, vectors: Tensor) -> Tensor:
 
 def to_quaternions(rotations: Tensor) -> Tensor:
     """Unit quaternions x, y, z, w of rotations (..., 3, 3): (..., 4), in float64."""
-    from kornia.geometry.conversions import rotation_matrix_to_quaternion
+    from scipy.spatial.transform import Rotation
 
-    quaternions = rotation_matrix_to_quaternion(rotations.double()).roll(-1, dims=-1)
-    return torch.nn.functional.normalize(quaternions, dim=-1)
+    matrices = rotations.detach().cpu().double().reshape(-1, 3, 3).numpy()
+    quaternions = torch.from_numpy(Rotation.from_matrix(matrices).as_quat(canonical=True))
+    return quaternions.to(rotations.device).view(*rotations.shape[:-2], 4)
 
 
 def from_quaternions(quaternions: Tensor) -> Tensor:
