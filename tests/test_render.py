@@ -65,6 +65,22 @@ def test_cloth_is_lit_alike_on_both_sides() -> None:
     assert np.abs(outer.astype(int) - inner).max() < 8
 
 
+def test_skin_beside_a_hem_is_as_light_as_skin_far_from_it() -> None:
+    """A hem lies between the vertices of the skin, 4 mm in front of it."""
+    steps = torch.linspace(-0.5, 0.5, 8)
+    x, z = torch.meshgrid(steps, steps + 3.0, indexing="ij")
+    skin = torch.stack([x, torch.zeros_like(x), z], 2).reshape(-1, 3)
+    first = torch.arange(49) + torch.arange(49) // 7
+    faces = torch.stack([first, first + 8, first + 9, first, first + 9, first + 1], 1).view(-1, 3)
+    cloth = torch.tensor([[-0.5, 0.0, 2.5], [0.0, 0.0, 2.5], [0.0, 0.0, 3.5], [-0.5, 0.0, 3.5]])
+    cloth[:, 1] -= 0.004
+    sheets = [Surface(skin, faces, RED), Surface(cloth, torch.tensor([[0, 1, 2], [0, 2, 3]]), BLUE)]
+    image = render(sheets, Camera((0.0, -4.0, 3.0), (0.0, 0.0, 3.0)), (200, 200))
+    row = image[100].astype(int).sum(1)[is_red(image)[100]]
+    assert len(row) > 40
+    assert row[:4].min() > 0.95 * row[25:35].mean()
+
+
 def test_pictures_repeat_exactly() -> None:
     surfaces = [ball((0, 0, 0.5), 0.4, RED)]
     camera = three_quarter(surfaces[0].vertices)

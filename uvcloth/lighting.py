@@ -20,6 +20,9 @@ FLOOR_BLUR = 0.066
 SHADOW_RAY_START = 1e-3
 """Metres above the surface from where shadow rays start."""
 
+COVERED = 0.02
+"""Metres between a point and what lies over it, below which it is covered."""
+
 
 @dataclass(frozen=True)
 class Quality:
@@ -37,7 +40,11 @@ COARSE = Quality(dome_rays=8, key_rays=4, floor_grid=40, edge_samples=2)
 
 
 class VertexLight:
-    """Shares of the dome's and of the key's light on both sides of the vertices, measured when first seen."""
+    """Shares of the dome's and of the key's light on both sides of the vertices, measured when first seen.
+
+    A covered vertex of a face takes the light of the others: skin beside a hem would show the dark of the
+    skin below it, as far as its faces reach.
+    """
 
     def __init__(
         self, embree: Any, points: np.ndarray, normals: np.ndarray, to_key: np.ndarray, quality: Quality
@@ -45,6 +52,7 @@ class VertexLight:
         self._embree, self._to_key, self._quality = embree, to_key, quality
         self._points, self._normals = np.concatenate([points, points]), np.concatenate([normals, -normals])
         self._known = np.zeros(len(self._points), bool)
+        self._covered = np.zeros(len(self._points), bool)
         self._dome, self._key = np.zeros((2, len(self._points)), np.float32)
 
     def at(self, corners: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -54,11 +62,21 @@ class VertexLight:
         visible[corners] = True
         fresh = np.nonzero(visible & ~self._known)[0]
         if len(fresh):
+            points, normals = self._points[fresh], self._normals[fresh]
             self._dome[fresh], self._key[fresh] = _received(
-                self._embree, self._points[fresh], self._normals[fresh], self._to_key, self._quality
+                self._embree, points, normals, self._to_key, self._quality
             )
+            self._covered[fresh] = _are_covered(self._embree, points, normals)
             self._known[fresh] = True
-        return self._dome[corners], self._key[corners]
+        open_corners = ~self._covered[corners]
+        weights = np.where(open_corners.any(1, keepdims=True), open_corners, True).astype(np.float32)
+        weights /= weights.sum(1, keepdims=True)
+
+        def filled(light: np.ndarray) -> np.ndarray:
+            mean = np.einsum("hc,hc->h", weights, light[corners])[:, None]
+            return np.where(weights > 0, light[corners], mean)
+
+        return filled(self._dome), filled(self._key)
 
 
 def floor_light(
@@ -94,6 +112,12 @@ def _received(
     brightness = np.where(domewards[..., 2] > 0, np.float32(1), np.float32(BOUNCE))
     dome = (arrives[:, :domes] * brightness).mean(1)
     return dome, arrives[:, domes:].mean(1, dtype=np.float32)
+
+
+def _are_covered(embree: Any, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Mask (P,) of the points over which something lies."""
+    hits = embree.run(points + SHADOW_RAY_START * normals, normals, output=True)
+    return (hits["primID"] >= 0) & (hits["tfar"] < COVERED)
 
 
 def normalize(vectors: np.ndarray) -> np.ndarray:
