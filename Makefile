@@ -17,7 +17,7 @@ test: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 engines: install
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/simulate/physics --all-engines
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/simulate --all-engines
 
 fuzz: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz --cases 10000

@@ -28,6 +28,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--all-engines", action="store_true", help="test the cloth engines of others too")
 
 
+@pytest.fixture
+def engines_of_others(request: pytest.FixtureRequest) -> None:
+    """Skip a test of another engine without --all-engines: they serve to compare, and take minutes."""
+    if not request.config.getoption("all_engines"):
+        pytest.skip("an engine of others: --all-engines")
+
+
 @pytest.fixture(autouse=True)
 def seeded() -> None:
     """The same random numbers in a test, whichever process it runs in and whatever ran there before."""

@@ -12,12 +12,9 @@ from uvcloth.simulate.engines import ENGINES
 
 @pytest.fixture(params=sorted(ENGINES))
 def engine(request: pytest.FixtureRequest) -> Engine:
-    """Every engine in turn; a test says by `@cannot(...)` what one of them cannot do, and why.
-
-    Those of others are tested with --all-engines: they serve to compare, and take minutes.
-    """
-    if request.param != "explicit" and not request.config.getoption("all_engines"):
-        pytest.skip("an engine of others: --all-engines")
+    """Every engine in turn; a test says by `@cannot(...)` what one of them cannot do, and why."""
+    if request.param != "explicit":
+        request.getfixturevalue("engines_of_others")
     if request.param == "newton":
         pytest.importorskip("newton", reason="the `simulate` extra is not installed")
     elif request.param == "blender" and not os.environ.get(PYTHON_VARIABLE):
