@@ -7,7 +7,7 @@ INSTALLED := .venv/installed
 # What is imported is compiled once and kept: without, every process would compile PyTorch again, for 5 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test engines fuzz wheel-test lint install runtime wasm sanitize wheels clean
+.PHONY: demo test engines fuzz wheel-test release-test lint install runtime wasm sanitize wheels clean
 
 demo: install
 	$(BIN)/uvcloth demo --out demo
@@ -24,6 +24,9 @@ fuzz: install
 
 wheel-test: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.wheel
+
+release-test: install
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.release build/release
 
 lint: install
 	$(BIN)/ruff format --check .
