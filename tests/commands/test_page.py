@@ -37,11 +37,14 @@ RECORD = f"""new Promise((done) => {{
     out.push({{ frame, joints: [...joints], vertices: [...vertices[0]] }});
     if (out.length === {FRAMES}) done(out);
   }};
-  playback.restart(0);
+  playback.start(playback.clip, 0);
 }})"""
 """Expression whose value is the first frames of the cloth, with the joints that it was given."""
 
 PLAYING = "Boolean(globalThis.uvcloth?.playback.shown > 0.1)"
+PAUSE = "document.getElementById('play').click()"
+SETTLED = """(({ motion, settling, clock, next }) =>
+  !motion.grip && settling === 0 && clock === next - 1)(uvcloth.playback)"""
 SAID = "document.getElementById('message').textContent"
 
 
@@ -50,7 +53,7 @@ def skirt(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A skirt on the body of the package, which walks."""
     path = tmp_path_factory.mktemp("baked") / "a skirt & more.glb"
     bake(Bake(("skirt",), path, motion="walk", quality="fast", options=MotionOptions(frames="20:60")))
-    add_clips(path, ("run",))
+    add_clips(path, ("jump",))
     return path
 
 
@@ -137,9 +140,16 @@ def test_without_the_module_the_command_says_how_to_get_it(
         write_page(Page(tmp_path / "out"))
 
 
+def open_page(browser: Chromium, address: str) -> None:
+    """Open a page and wait until it plays, without shadows, which take longest without a graphics card."""
+    browser.open(address)
+    browser.wait_for("Boolean(globalThis.uvcloth)")
+    browser.value("uvcloth.stage.light.castShadow = false")
+    browser.wait_for(PLAYING)
+
+
 def check_cloth(browser: Chromium, skirt: Path) -> None:
     """Compare the first frames of the page that is open with the native runtime's."""
-    browser.wait_for(PLAYING)
     frames = browser.value(RECORD)
     assert [each["frame"] for each in frames] == list(range(FRAMES))
     joints = np.array([each["joints"] for each in frames]).reshape(FRAMES, -1, 3, 4)
@@ -163,7 +173,7 @@ def check_cloth(browser: Chromium, skirt: Path) -> None:
 @needs_wasm
 @needs_browser
 def test_the_cloth_of_a_folder_is_that_of_the_runtime(browser: Chromium, address: str, skirt: Path) -> None:
-    browser.open(address)
+    open_page(browser, address)
     check_cloth(browser, skirt)
 
 
@@ -172,15 +182,14 @@ def test_the_cloth_of_a_folder_is_that_of_the_runtime(browser: Chromium, address
 def test_the_cloth_of_a_single_file_is_that_of_the_runtime(
     browser: Chromium, single: Path, skirt: Path
 ) -> None:
-    browser.open(single.as_uri())
+    open_page(browser, single.as_uri())
     check_cloth(browser, skirt)
 
 
 @needs_wasm
 @needs_browser
 def test_controls_change_the_cloth(browser: Chromium, address: str) -> None:
-    browser.open(address)
-    browser.wait_for(PLAYING)
+    open_page(browser, address)
     # Without gravity, in a gale, of silk: the hem rises.
     browser.value(
         """for (const [name, value] of [["wind-x", 12], ["gravity", 0], ["fabric", "0.08 50 2e-06"]]) {
@@ -192,7 +201,8 @@ def test_controls_change_the_cloth(browser: Chromium, address: str) -> None:
     lowest = "Math.min(...uvcloth.cloth.garments[0].points.filter((_, i) => i % 3 === 1))"
     before = browser.value(lowest)
     browser.wait_for(f"{lowest} > {before} + 0.02")
-    browser.value("document.getElementById('play').click()")
+    browser.value(PAUSE)
+    browser.wait_for(SETTLED)
     time = browser.value("uvcloth.playback.time")
     browser.value("new Promise((done) => setTimeout(done, 300))")
     assert browser.value("uvcloth.playback.time") == time
@@ -200,13 +210,150 @@ def test_controls_change_the_cloth(browser: Chromium, address: str) -> None:
         "document.getElementById('time').value = 0.8;"
         "document.getElementById('time').dispatchEvent(new Event('input'))"
     )
-    browser.wait_for("Math.abs(uvcloth.playback.shown - 0.8) < 0.001 && !uvcloth.playback.isStarting")
+    # The figure goes over to that time, and its cloth has come along.
+    browser.wait_for("Math.abs(uvcloth.playback.time - 0.8) < 0.001 && !uvcloth.playback.motion.isMoving")
     browser.value(
         "document.getElementById('play').click();"
         "document.getElementById('animation').value = 1;"
         "document.getElementById('animation').dispatchEvent(new Event('change'))"
     )
-    browser.wait_for(f"uvcloth.playback.clip.name === 'run' && {PLAYING}")
+    browser.wait_for(f"uvcloth.playback.clip.name === 'jump' && {PLAYING}")
+    assert browser.value(SAID) == ""
+    assert browser.errors == []
+
+
+WATCH = """(() => {
+  const { playback } = uvcloth, { figure } = playback, old = playback.onFrame;
+  const most = globalThis.most = { frames: 0, joint: 0, cloth: 0 };
+  const place = (bone) => bone.getWorldPosition(bone.position.clone());
+  let joints, vertices;
+  playback.onFrame = (frame) => {
+    old(frame);
+    figure.write(frame.pose);
+    const now = figure.cloth.bones.map(place), way = (point, index) => point.distanceTo(joints[index]) * 30;
+    if (joints) most.joint = Math.max(most.joint, ...now.map(way));
+    frame.vertices[0].forEach((x, i) => {
+      if (vertices) most.cloth = Math.max(most.cloth, Math.abs(x - vertices[i]) * 30);
+    });
+    [joints, vertices] = [now, frame.vertices[0]];
+    most.frames++;
+  };
+})()"""
+"""Note the largest speeds, m/s, of joints and, along an axis, of cloth."""
+
+MARK = """(() => {
+  const { mesh } = uvcloth.hand.marks.find(({ part }) => part === "%s");
+  const { x, y } = mesh.position.clone().project(uvcloth.stage.camera);
+  return [(x / 2 + 0.5) * innerWidth, (0.5 - y / 2) * innerHeight, ...mesh.position];
+})()"""
+
+
+def point(browser: Chromium, kind: str, x: float, y: float) -> None:
+    """Press, move or release the mouse."""
+    browser.call(
+        "Input.dispatchMouseEvent", type=f"mouse{kind}", x=x, y=y, button="left", buttons=1, clickCount=1
+    )
+
+
+def drag(browser: Chromium, part: str, way: tuple[float, float]) -> None:
+    """Take a part of the figure and drag it by pixels, without letting go."""
+    x, y = browser.value(MARK % part)[:2]
+    point(browser, "Pressed", x, y)
+    assert browser.value("uvcloth.playback.motion.grip?.part") == part
+    for share in (0.5, 1.0):
+        point(browser, "Moved", x + share * way[0], y + share * way[1])
+
+
+@needs_wasm
+@needs_browser
+@pytest.mark.parametrize(
+    ("part", "way"),
+    [("left_hand", (50.0, -80.0)), ("right_foot", (-60.0, -40.0)), ("hips", (-60.0, 50.0))],
+)
+def test_a_part_that_is_dragged_comes_to_the_pointer_and_stays_in_a_pause(
+    browser: Chromium, address: str, part: str, way: tuple[float, float]
+) -> None:
+    open_page(browser, address)
+    browser.value(f"{PAUSE}; {WATCH}")
+    browser.wait_for(SETTLED)
+    time, before = browser.value("uvcloth.playback.time"), browser.value(MARK % part)
+    drag(browser, part, way)
+    browser.wait_for("most.frames > 24")
+    after = browser.value(MARK % part)
+    assert np.hypot(after[0] - before[0] - way[0], after[1] - before[1] - way[1]) < 6.0
+    point(browser, "Released", *after[:2])
+    browser.wait_for(SETTLED)
+    assert browser.value("uvcloth.playback.time") == time
+    np.testing.assert_allclose(browser.value(MARK % part)[2:], after[2:], atol=0.01)
+    # No body is this fast, and cloth has followed.
+    most = browser.value("most")
+    assert 0.1 < most["joint"] < 4.0
+    assert 0.1 < most["cloth"] < 8.0
+    assert browser.value("document.getElementById('message').textContent") == ""
+    assert browser.errors == []
+
+
+@needs_wasm
+@needs_browser
+def test_a_figure_out_of_reach_is_dragged_along_as_a_whole(browser: Chromium, address: str) -> None:
+    open_page(browser, address)
+    browser.value(PAUSE)
+    before = {part: browser.value(MARK % part)[2] for part in ("hips", "left_foot", "right_foot")}
+    drag(browser, "hips", (-250.0, 0.0))
+    browser.wait_for("uvcloth.playback.next > 60")
+    for part, place in before.items():
+        assert browser.value(MARK % part)[2] < place - 0.3
+    assert browser.errors == []
+
+
+@needs_wasm
+@needs_browser
+def test_a_figure_that_is_let_go_returns_into_its_animation(
+    browser: Chromium, address: str, skirt: Path
+) -> None:
+    open_page(browser, address)
+    browser.value(WATCH)
+    drag(browser, "right_hand", (-60.0, -150.0))
+    browser.wait_for("most.frames > 20")
+    point(browser, "Released", 300.0, 300.0)
+    browser.wait_for("!uvcloth.playback.motion.transition")
+    shown = browser.value(
+        """new Promise((done) => {
+          uvcloth.playback.onFrame = ({ time, joints }) =>
+            uvcloth.playback.motion.transition || done({ frame: Math.round(time * 30), joints: [...joints] });
+        })"""
+    )
+    expected = open_baked(skirt).motion(fps=30.0).transforms[shown["frame"]]
+    joints = np.reshape(shown["joints"], (-1, 3, 4))
+    # The figure may have been moved and turned on the floor, all else is the animation's.
+    turned = joints[0, :, :3] @ expected[0, :, :3].T
+    np.testing.assert_allclose(turned[2], [0, 0, 1], atol=1e-5)
+    np.testing.assert_allclose(joints[:, :, :3], turned @ expected[:, :, :3], atol=1e-5)
+    assert browser.value("most.joint") < 12.0
+    assert browser.errors == []
+
+
+@needs_wasm
+@needs_browser
+@pytest.mark.parametrize(
+    "act",
+    [
+        "uvcloth.playback.goTo(uvcloth.playback.clip, uvcloth.playback.last - 0.1)",
+        "document.getElementById('animation').value = 1;"
+        "document.getElementById('animation').dispatchEvent(new Event('change'))",
+    ],
+    ids=["the end of an animation", "another animation"],
+)
+def test_cloth_goes_through_without_a_cut(browser: Chromium, address: str, act: str) -> None:
+    open_page(browser, address)
+    browser.value(f"{WATCH}; globalThis.run = uvcloth.playback.run; {act}")
+    browser.wait_for("most.frames > 40 && uvcloth.playback.time < uvcloth.playback.last / 2")
+    browser.wait_for("!uvcloth.playback.motion.transition")
+    assert browser.value("uvcloth.playback.run === run && !uvcloth.playback.isStarting")
+    # In both animations joints are below 5 m/s; a cut is a joint at 30 m/s.
+    most = browser.value("most")
+    assert most["joint"] < 8.0
+    assert most["cloth"] < 8.0
     assert browser.value(SAID) == ""
     assert browser.errors == []
 
@@ -233,8 +380,7 @@ def test_a_dropped_file_is_played_or_refused_with_a_sentence(
         "plain.glb": (rewritten(content, EXTENSION, "UVCLOTH_other"), f"no extension {EXTENSION}"),
         "newer.glb": (rewritten(content, '"version":1', '"version":2'), "of version 2"),
     }
-    browser.open(address)
-    browser.wait_for(PLAYING)
+    open_page(browser, address)
     dropped = """(async () => {
       const file = new File([await (await fetch("%s")).arrayBuffer()], "%s");
       const data = new DataTransfer();

@@ -21,7 +21,20 @@ SOURCES = Path(str(files("uvcloth") / "data" / "page"))
 WASM = Path(str(files("uvcloth") / "player" / "uvcloth.wasm"))
 
 THREE = "three.min.js"
-MODULES = ("runtime.js", "cloth.js", "playback.js", "scene.js", "files.js", "page.js")
+MODULES = (
+    *(
+        "runtime.js",
+        "cloth.js",
+        "figure.js",
+        "covered.js",
+        "transition.js",
+        "limb.js",
+        "grip.js",
+        "motion.js",
+        "playback.js",
+    ),
+    *("roles.js", "scene.js", "hand.js", "files.js", "page.js"),
+)
 """Modules of the page, each after those that it imports."""
 
 SHOWN = {"dress.glb": ("dress",), "trousers and shirt.glb": ("bottoms", "tops")}

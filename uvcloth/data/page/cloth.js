@@ -25,7 +25,7 @@ export async function makeCloth(gltf, worker, wasm) {
     ),
   );
   const outfit = new Uint8Array(await part("bufferView", extension.bufferView)).slice();
-  const cloth = new Cloth(worker, bones, inverseBind, extension.axes, garments);
+  const cloth = new Cloth(worker, bones, extension.joints, inverseBind, extension.axes, garments);
   const { joints, garments: sizes } = await cloth.ask("open", { wasm, outfit, inverseAxes: inverse(extension.axes) });
   if (joints !== bones.length || sizes.some((size, index) => size !== garments[index]?.size))
     throw new Error("its cloth does not fit its meshes");
@@ -34,8 +34,8 @@ export async function makeCloth(gltf, worker, wasm) {
 }
 
 class Cloth {
-  constructor(worker, bones, inverseBind, axes, garments) {
-    Object.assign(this, { worker, bones, axes, garments, asked: new Map(), count: 0 });
+  constructor(worker, bones, names, inverseBind, axes, garments) {
+    Object.assign(this, { worker, bones, names, inverseBind, axes, garments, asked: new Map(), count: 0 });
     const back = inverse(axes);
     this.toRest = bones.map((_, index) => product(inverseBind.subarray(16 * index, 16 * index + 16), back));
     worker.onmessage = ({ data }) => {
@@ -58,9 +58,9 @@ class Cloth {
     return out;
   }
 
-  /** Let the cloth come to rest. keepFor: anything but null keeps that rest, and goes back to it the next time. */
-  start(joints, keepFor = null) {
-    return this.ask("start", { joints, keepFor });
+  /** Let the cloth come to rest. */
+  start(joints) {
+    return this.ask("start", { joints });
   }
 
   /** Move the cloth on; the answer has the vertices of each garment and the milliseconds that this took. */
@@ -102,6 +102,19 @@ class Garment {
     this.points = new Float32Array(3 * this.size);
     this.normals = new Float32Array(3 * this.size);
     this.faces = Int32Array.from(this.meshes.flatMap((mesh) => Array.from(mesh.geometry.index.array, (i) => vertices[i])));
+    this.rest = new Float32Array(3 * this.size);
+    const { position } = this.meshes[0].geometry.attributes;
+    vertices.forEach((vertex, index) => {
+      this.rest.set([position.getX(index), position.getY(index), position.getZ(index)], 3 * vertex);
+    });
+  }
+
+  get isShown() {
+    return this.node.visible;
+  }
+
+  set isShown(isShown) {
+    this.node.visible = isShown;
   }
 
   /** Take the meshes off the skeleton: their vertices are in the world from now on. */

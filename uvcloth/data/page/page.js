@@ -1,7 +1,11 @@
 // The page: its controls, and the loop that draws.
 import { makeCloth } from "./cloth.js";
+import { lowerSkin } from "./covered.js";
+import { Figure } from "./figure.js";
 import { bytesOf, makeWorker } from "./files.js";
-import { FPS, Playback } from "./playback.js";
+import { Hand } from "./hand.js";
+import { Playback } from "./playback.js";
+import { rolesOf } from "./roles.js";
 import { hasVectors } from "./runtime.js";
 import { Stage } from "./scene.js";
 import { GLTFLoader, Vector3 } from "./three.min.js";
@@ -10,7 +14,7 @@ const OF_FILE = "glTF", GLB = 0x46546c67;
 const control = (name) => document.getElementById(name);
 const AVERAGED = 30; // frames
 
-let stage, playback, cloth, wasm, current, milliseconds = [], opening = 0, isOpening = false;
+let stage, updateSkin, hand, playback, cloth, animations, wasm, current, costs = [], opening = 0, isOpening = false;
 
 function say(sentence) {
   control("message").textContent = sentence;
@@ -38,7 +42,7 @@ async function open(option) {
     say("");
     if (control("fabric").value) changeFabric();
     changeWorld();
-    play(gltf, 0);
+    begin(gltf);
     stage.frame();
     if (!option.parentNode) control("character").append(option);
     option.selected = true;
@@ -62,41 +66,51 @@ function checkWhole(bytes) {
   if (size > bytes.byteLength) throw new Error(`it is cut: ${bytes.byteLength} of ${size} bytes are there`);
 }
 
-function play(gltf, index) {
-  const { playing = true } = playback ?? {};
-  playback = new Playback(gltf, cloth, gltf.animations[index], count, say);
+function begin(gltf) {
+  const { playing = true } = playback ?? {}, figure = new Figure(gltf.scene, cloth, rolesOf(cloth.names));
+  updateSkin = lowerSkin(figure);
+  playback = new Playback(figure, count, say);
   Object.assign(playback, { playing, speed: Number(control("speed").value) });
-  control("time").max = playback.last / FPS;
-  playback.restart(0);
-  globalThis.uvcloth = { cloth, playback, stage }; // for the browser's console
+  playback.start(animations[0], 0);
+  control("time").max = playback.last;
+  hand.show(playback);
+  globalThis.uvcloth = { cloth, playback, stage, hand }; // for the browser's console
+}
+
+function play(clip, time) {
+  playback.goTo(clip, time);
+  control("time").max = playback.last;
 }
 
 function listAnimations(gltf) {
-  const named = gltf.animations.map((clip, index) => new Option(clip.name || `animation ${index + 1}`, index));
+  ({ animations } = gltf);
+  const named = animations.map((clip, index) => new Option(clip.name || `animation ${index + 1}`, index));
   control("animation").replaceChildren(...named);
   control("animation").closest("label").hidden = named.length < 2;
 }
 
-function count(frame) {
-  milliseconds = [...milliseconds, frame.milliseconds].slice(-AVERAGED);
-  const mean = milliseconds.reduce((a, b) => a + b, 0) / milliseconds.length;
-  control("milliseconds").textContent = `${mean.toFixed(1)} ms per frame`;
+function count({ parts }) {
+  costs = [...costs, parts].slice(-AVERAGED);
+  const mean = (name) => costs.reduce((sum, each) => sum + each[name], 0) / costs.length;
+  control("milliseconds").textContent = `${mean("cloth").toFixed(1)} ms per frame`;
 }
 
 function changeWorld() {
   const value = (name) => Number(control(name).value);
   for (const name of ["wind-x", "wind-y", "gravity", "speed"]) control(name).nextElementSibling.value = value(name);
+  playback?.wake();
   cloth?.setWorld([value("wind-x"), value("wind-y"), 0], [0, 0, -value("gravity")]).catch((error) => say(error.message));
 }
 
 function changeFabric() {
   const { value } = control("fabric");
+  playback?.wake();
   cloth?.setFabric(value && value.split(" ").map(Number)).catch((error) => say(error.message));
 }
 
 function togglePlaying() {
   if (!playback) return;
-  playback.playing = !playback.playing;
+  playback.toggle();
 }
 
 function openFile(file) {
@@ -115,7 +129,7 @@ function connect() {
   control("controls").open = !matchMedia("(max-width: 600px)").matches;
   const on = (name, kind, act) => control(name).addEventListener(kind, act);
   on("play", "click", togglePlaying);
-  on("time", "input", () => playback?.restart(Number(control("time").value)));
+  on("time", "input", () => playback && play(playback.clip, Number(control("time").value)));
   on("speed", "input", () => {
     if (playback) playback.speed = Number(control("speed").value);
     changeWorld();
@@ -123,7 +137,7 @@ function connect() {
   for (const name of ["wind-x", "wind-y", "gravity"]) on(name, "input", changeWorld);
   on("fabric", "change", changeFabric);
   on("character", "change", openChosen);
-  on("animation", "change", () => play(playback.gltf, Number(control("animation").value)));
+  on("animation", "change", () => play(animations[Number(control("animation").value)], 0));
   on("file", "change", () => openFile(control("file").files[0]));
   addEventListener("dragover", (event) => event.preventDefault());
   addEventListener("drop", (event) => {
@@ -145,6 +159,7 @@ function draw(now) {
   before = now;
   if (playback) {
     playback.advance(seconds);
+    hand.follow();
     control("play").textContent = playback.playing ? "Pause" : "Play";
     if (document.activeElement !== control("time") || playback.playing) control("time").value = playback.time;
     control("clock").textContent = `${playback.time.toFixed(1)} s`;
@@ -156,16 +171,17 @@ function draw(now) {
   requestAnimationFrame(draw);
 }
 
-function begin() {
+function boot() {
   if (!hasVectors()) return say("This browser has no WebAssembly with vectors (SIMD), which the cloth needs.");
   try {
     stage = new Stage(control("view"));
   } catch {
     return say("This browser shows no WebGL, which the page draws with.");
   }
+  hand = new Hand(stage);
   connect();
   openChosen();
   requestAnimationFrame(draw);
 }
 
-begin();
+boot();

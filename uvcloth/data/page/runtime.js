@@ -30,7 +30,6 @@ class Runtime {
     this.garments = Array.from({ length: core.uvc_garments(this.outfit) }, (_, garment) =>
       core.uvc_garment_vertices(this.outfit, garment),
     );
-    this.saved = 0;
     // One piece of memory for all numbers that go in or out, as large as the largest of them.
     this.numbers = core.malloc(8 * Math.max(12 * this.joints, 3 * Math.max(...this.garments), 6));
   }
@@ -44,19 +43,6 @@ class Runtime {
   step(joints, seconds) {
     const place = this.#put(joints, 12 * this.joints);
     this.#check(this.core.uvc_step(this.cloth, place, seconds, this.message, ROOM));
-  }
-
-  /** Keep what the cloth remembers, in place of what was kept before. */
-  save() {
-    this.core.free(this.saved);
-    this.savedSize = this.core.uvc_saved_size(this.cloth);
-    this.saved = this.core.malloc(this.savedSize);
-    this.core.uvc_save(this.cloth, this.saved);
-  }
-
-  /** Go back to what was kept. */
-  restore() {
-    if (!this.core.uvc_restore(this.cloth, this.saved, this.savedSize)) throw new Error("the cloth cannot go back");
   }
 
   setWorld(wind, gravity) {

@@ -3,8 +3,10 @@
 //   esbuild three.mjs --bundle --minify --format=esm --legal-comments=none
 //     --banner:js="/*! three.js r187. $(cat node_modules/three/LICENSE) */" --outfile=three.min.js
 export {
-  AnimationMixer, Box3, Color, DirectionalLight, HemisphereLight, LoopOnce, Mesh, MeshStandardMaterial,
-  PCFShadowMap, PerspectiveCamera, PlaneGeometry, Scene, ShadowMaterial, Vector3, WebGLRenderer,
+  AnimationClip, AnimationMixer, Box3, BufferAttribute, BufferGeometry, Color, DirectionalLight, HemisphereLight,
+  LineBasicMaterial, LineSegments, LoopOnce, Matrix4, Mesh, MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap,
+  PerspectiveCamera, Plane, PlaneGeometry, Quaternion, QuaternionKeyframeTrack, Raycaster, Scene, ShadowMaterial,
+  SphereGeometry, Vector2, Vector3, VectorKeyframeTrack, WebGLRenderer,
 } from "three";
 export { OrbitControls } from "three/addons/controls/OrbitControls.js";
 export { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";

@@ -1,7 +1,7 @@
 // A worker that holds the cloth of one character: a question in, an answer out, in the same order.
 import { makeRuntime } from "./runtime.js";
 
-let runtime, toScene, world, keptFor = null;
+let runtime, toScene;
 
 const ANSWERS = {
   async open({ wasm, outfit, inverseAxes }) {
@@ -9,32 +9,23 @@ const ANSWERS = {
     toScene = inverseAxes;
     return { joints: runtime.joints, garments: runtime.garments };
   },
-  // Coming to rest takes as long as 65 steps, so the rest at the first frame is kept for the next turn.
-  start({ joints, keepFor }) {
-    if (keepFor !== null && keepFor === keptFor) {
-      runtime.restore();
-      if (world) runtime.setWorld(...world);
-      return {};
-    }
+  start({ joints }) {
     runtime.start(joints);
-    if (keepFor !== null) runtime.save();
-    keptFor = keepFor ?? keptFor;
     return {};
   },
   step({ joints, seconds }) {
     const begun = performance.now();
     runtime.step(joints, seconds);
+    const stepped = performance.now();
     const vertices = runtime.garments.map((_, garment) => placed(runtime.vertices(garment)));
-    return { vertices, milliseconds: performance.now() - begun };
+    return { vertices, parts: { cloth: stepped - begun, vertices: performance.now() - stepped } };
   },
   world({ wind, gravity }) {
-    world = [wind, gravity];
     runtime.setWorld(wind, gravity);
     return {};
   },
   fabrics({ factors }) {
     factors.forEach((each, garment) => runtime.setFabric(garment, ...each));
-    keptFor = null; // Other fabric comes to rest elsewhere.
     return {};
   },
 };

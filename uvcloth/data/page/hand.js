@@ -1,0 +1,97 @@
+// The pointer as a hand: it takes parts of the figure, which are marked, and drags them in the plane of the display.
+import { partsOf } from "./grip.js";
+import { placeOf } from "./limb.js";
+import { Mesh, MeshBasicMaterial, Plane, Raycaster, SphereGeometry, Vector2, Vector3 } from "./three.min.js";
+
+const NEAR = { mouse: 22, pen: 22, touch: 34 }; // pixels
+const MARK = 0.011; // heights
+const FAINT = 0.3, CLEAR = 0.85;
+
+export class Hand {
+  constructor(stage) {
+    Object.assign(this, { stage, marks: [], ray: new Raycaster(), plane: new Plane(), shift: new Vector3() });
+    const { canvas } = stage, on = (kind, act) => canvas.addEventListener(kind, act, { capture: true });
+    on("pointerdown", (event) => this.#take(event));
+    on("pointermove", (event) => this.#move(event));
+    for (const kind of ["pointerup", "pointercancel", "lostpointercapture"]) on(kind, (event) => this.#release(event));
+    on("pointerleave", () => this.#mark(null));
+  }
+
+  /** Take parts of the figure that is played from now on. */
+  show(playback) {
+    this.#release();
+    for (const { mesh } of this.marks) this.stage.scene.remove(mesh);
+    this.playback = playback;
+    const { figure } = playback, geometry = new SphereGeometry(MARK * figure.height, 16, 12);
+    this.marks = Object.entries(partsOf(figure)).map(([part, joint]) => {
+      const material = new MeshBasicMaterial({ color: "#3a6ea5", transparent: true, opacity: FAINT, depthTest: false });
+      const mesh = new Mesh(geometry, material);
+      mesh.renderOrder = 1;
+      this.stage.scene.add(mesh);
+      return { part, joint, mesh };
+    });
+  }
+
+  /** Bring the marks, and what is held, to where the figure is now. */
+  follow() {
+    for (const { joint, mesh } of this.marks) mesh.position.copy(placeOf(joint));
+    if (this.held !== undefined) this.playback.drag(this.#point().add(this.shift));
+  }
+
+  #take(event) {
+    const mark = this.playback && event.isPrimary && event.button === 0 && this.held === undefined && this.#nearest(event);
+    if (!mark) return;
+    event.stopImmediatePropagation(); // The camera stays.
+    this.held = event.pointerId;
+    this.stage.isHeld = true;
+    this.stage.canvas.setPointerCapture(event.pointerId);
+    const place = placeOf(mark.joint), away = this.stage.camera.getWorldDirection(new Vector3());
+    this.plane.setFromNormalAndCoplanarPoint(away, place);
+    this.#aim(event);
+    this.shift = place.sub(this.#point());
+    this.#mark(mark);
+    this.playback.hold(mark.part);
+  }
+
+  #move(event) {
+    if (this.held === undefined) return this.#mark(this.playback && this.#nearest(event));
+    if (event.pointerId !== this.held) return;
+    event.stopImmediatePropagation();
+    this.#aim(event);
+  }
+
+  #release(event) {
+    if (this.held === undefined || (event && event.pointerId !== this.held)) return;
+    event?.stopImmediatePropagation();
+    this.held = undefined;
+    this.stage.isHeld = false;
+    this.playback.release();
+    this.#mark(null);
+  }
+
+  #mark(mark) {
+    for (const each of this.marks) each.mesh.material.opacity = each === mark ? CLEAR : FAINT;
+    this.stage.canvas.style.cursor = mark ? (this.held === undefined ? "grab" : "grabbing") : "";
+  }
+
+  #aim({ clientX, clientY }) {
+    const { left, top, width, height } = this.stage.canvas.getBoundingClientRect();
+    this.aim = new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height);
+  }
+
+  // Where the pointer is in the plane of what was taken.
+  #point() {
+    this.ray.setFromCamera(this.aim, this.stage.camera);
+    return this.ray.ray.intersectPlane(this.plane, new Vector3()) ?? this.plane.coplanarPoint(new Vector3());
+  }
+
+  #nearest({ clientX, clientY, pointerType }) {
+    const { left, top, width, height } = this.stage.canvas.getBoundingClientRect();
+    const distances = this.marks.map(({ joint }) => {
+      const { x, y } = placeOf(joint).project(this.stage.camera);
+      return Math.hypot((0.5 + x / 2) * width + left - clientX, (0.5 - y / 2) * height + top - clientY);
+    });
+    const least = Math.min(...distances);
+    return least < (NEAR[pointerType] ?? NEAR.mouse) ? this.marks[distances.indexOf(least)] : null;
+  }
+}
