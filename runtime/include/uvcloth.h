@@ -64,6 +64,10 @@ UVC_API int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, cha
 UVC_API void uvc_pull(uvc_cloth *cloth, const double *points, double rate);
 UVC_API int uvc_cages(const uvc_outfit *outfit);
 
+/* Number m of the cages' faces, and their corners (m, 3), vertices of uvc_cage_vertices. */
+UVC_API int uvc_cage_faces(const uvc_outfit *outfit);
+UVC_API void uvc_cage_corners(const uvc_outfit *outfit, int32_t *corners);
+
 /* Wind (3), m/s, and gravity (3), m/s2, in the world of the joints, in all steps until the next call; before
  * the first one no wind, and 9.81 m/s2 downwards. Wind blows through the body. Returns 1, or 0 and a
  * sentence, and changes nothing, for more than 100 m/s or m/s2, and for numbers that are not finite. */

@@ -72,6 +72,13 @@ int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, char *messa
 
 int uvc_cages(const uvc_outfit *outfit) { return outfit->data.cages.vertices(); }
 
+int uvc_cage_faces(const uvc_outfit *outfit) { return outfit->data.solver.sheet.surface.faces.size; }
+
+void uvc_cage_corners(const uvc_outfit *outfit, int32_t *corners) {
+    uvc::Array<uvc::Face> faces = outfit->data.solver.sheet.surface.faces;
+    memcpy(corners, faces.data, sizeof(uvc::Face) * (size_t)faces.size);
+}
+
 void uvc_pull(uvc_cloth *cloth, const double *points, double rate) {
     uvc::pull(cloth->data, reinterpret_cast<const uvc::Vec64 *>(points), (float)rate);
 }

@@ -358,6 +358,61 @@ def test_cloth_goes_through_without_a_cut(browser: Chromium, address: str, act: 
     assert browser.errors == []
 
 
+@needs_wasm
+@needs_browser
+def test_garments_are_hidden_and_strain_and_cages_shown(browser: Chromium, address: str, skirt: Path) -> None:
+    open_page(browser, address)
+    browser.value(PAUSE)
+    browser.wait_for(SETTLED)
+    skin = """(() => {
+      let sum = 0;
+      uvcloth.stage.shown.traverse(({ name, geometry }) => {
+        if (name === "body") for (const x of geometry.attributes.position.array) sum += Math.abs(x);
+      });
+      return sum;
+    })()"""
+    lowered = browser.value(skin)
+    browser.value("document.querySelector('#garments input').click()")
+    assert not browser.value("uvcloth.cloth.garments[0].isShown")
+    assert browser.value(skin) != lowered
+    browser.value("document.querySelector('#garments input').click()")
+    assert browser.value(skin) == lowered
+    layer = "document.getElementById('layer').value = '%s';" + (
+        "document.getElementById('layer').dispatchEvent(new Event('change'))"
+    )
+    # Cloth that is a tenth larger than at rest has the colour between those of 5 and of 15 %.
+    browser.value(layer % "strain")
+    colours = browser.value(
+        """(() => {
+          const { points, rest, meshes } = uvcloth.cloth.garments[0];
+          rest.forEach((x, i) => { points[i] = 1.1 * x; });
+          uvcloth.view.strain.update();
+          return [...meshes[0].geometry.attributes.color.array];
+        })()"""
+    )
+    np.testing.assert_allclose(
+        np.reshape(colours, (-1, 3)), [[0.8, 0.31, 0.035]] * (len(colours) // 3), atol=1e-3
+    )
+    browser.value(layer % "cage")
+    browser.wait_for("uvcloth.view.cage.lines.geometry.attributes.position.array.some((x) => x)")
+    lines = browser.value(
+        """(({ index, attributes }) => [[...index.array], [...attributes.position.array]])(
+          uvcloth.view.cage.lines.geometry)"""
+    )
+    outfit = Outfit(open_baked(skirt).content)
+    faces = outfit.cage_faces()
+    edges = {
+        tuple(sorted(edge)) for face in faces.tolist() for edge in zip(face, face[1:] + face[:1], strict=True)
+    }
+    assert {tuple(edge) for edge in np.reshape(lines[0], (-1, 2)).tolist()} == edges
+    places = np.reshape(lines[1], (-1, 3))
+    assert len(places) == outfit.cages == faces.max() + 1
+    lengths = np.linalg.norm(np.diff(places[np.array(sorted(edges))], axis=1), axis=2)
+    assert 0.002 < lengths.min() < lengths.max() < 0.2
+    assert "ms per frame of cloth" in browser.value("document.getElementById('milliseconds').textContent")
+    assert browser.errors == []
+
+
 def rewritten(content: bytes, old: str, new: str) -> bytes:
     """A .glb with other JSON of the same length."""
     (length,) = struct.unpack_from("<I", content, 12)

@@ -27,6 +27,8 @@ MODULES = (
         "cloth.js",
         "figure.js",
         "covered.js",
+        "strain.js",
+        "cage.js",
         "transition.js",
         "limb.js",
         "grip.js",

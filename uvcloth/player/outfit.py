@@ -32,6 +32,12 @@ class Outfit:
         count = core.uvc_garments(self.handle)
         self.garments = tuple(int(core.uvc_garment_vertices(self.handle, k)) for k in range(count))
 
+    def cage_faces(self) -> NDArray[np.int32]:
+        """Corners (m, 3) of the cages' faces: which of their n vertices."""
+        corners = np.empty((library().uvc_cage_faces(self.handle), 3), np.int32)
+        library().uvc_cage_corners(self.handle, pointer(corners))
+        return corners
+
     def __reduce__(self) -> tuple[type[Self], tuple[bytes]]:
         """Pickle the bytes; the runtime reads them again."""
         return type(self), (self.content,)

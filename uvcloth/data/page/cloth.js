@@ -26,10 +26,11 @@ export async function makeCloth(gltf, worker, wasm) {
   );
   const outfit = new Uint8Array(await part("bufferView", extension.bufferView)).slice();
   const cloth = new Cloth(worker, bones, extension.joints, inverseBind, extension.axes, garments);
-  const { joints, garments: sizes } = await cloth.ask("open", { wasm, outfit, inverseAxes: inverse(extension.axes) });
+  const { joints, garments: sizes, cages, corners } = await cloth.ask("open", { wasm, outfit, inverseAxes: inverse(extension.axes) });
   if (joints !== bones.length || sizes.some((size, index) => size !== garments[index]?.size))
     throw new Error("its cloth does not fit its meshes");
   garments.forEach((garment) => garment.release());
+  cloth.cages = { vertices: cages, corners };
   return cloth;
 }
 
@@ -63,7 +64,7 @@ class Cloth {
     return this.ask("start", { joints });
   }
 
-  /** Move the cloth on; the answer has the vertices of each garment and the milliseconds that this took. */
+  /** Move the cloth on; the answer has the vertices of each garment and of the cages, and in parts the milliseconds. */
   step(joints, seconds) {
     return this.ask("step", { joints, seconds });
   }

@@ -83,6 +83,7 @@ export class Grip {
       this.#reach(name, place.add(this.feet));
       const { end } = this.limbs[name];
       turn(end, before.multiply(worldTurn(end).invert()));
+      this.turning.add(end);
     }
   }
 

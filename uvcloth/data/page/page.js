@@ -1,5 +1,6 @@
 // The page: its controls, and the loop that draws.
 import { makeCloth } from "./cloth.js";
+import { CageLines } from "./cage.js";
 import { lowerSkin } from "./covered.js";
 import { Figure } from "./figure.js";
 import { bytesOf, makeWorker } from "./files.js";
@@ -8,13 +9,16 @@ import { Playback } from "./playback.js";
 import { rolesOf } from "./roles.js";
 import { hasVectors } from "./runtime.js";
 import { Stage } from "./scene.js";
+import { StrainMap } from "./strain.js";
 import { GLTFLoader, Vector3 } from "./three.min.js";
 
 const OF_FILE = "glTF", GLB = 0x46546c67;
 const control = (name) => document.getElementById(name);
 const AVERAGED = 30; // frames
+const PICTURE = 1 / AVERAGED; // share of a picture in the mean of the last ones
+const pictures = { shown: 0, drawn: 0 }; // milliseconds
 
-let stage, updateSkin, hand, playback, cloth, animations, wasm, current, costs = [], opening = 0, isOpening = false;
+let stage, updateSkin, hand, playback, view, cloth, animations, wasm, current, costs = [], opening = 0, isOpening = false;
 
 function say(sentence) {
   control("message").textContent = sentence;
@@ -74,7 +78,14 @@ function begin(gltf) {
   playback.start(animations[0], 0);
   control("time").max = playback.last;
   hand.show(playback);
-  globalThis.uvcloth = { cloth, playback, stage, hand }; // for the browser's console
+  view?.cage.remove();
+  view = {
+    cage: new CageLines(stage, cloth.cages.corners, cloth.cages.vertices),
+    strain: new StrainMap(cloth.garments),
+  };
+  listGarments();
+  changeLayer();
+  globalThis.uvcloth = { cloth, playback, stage, hand, view }; // for the browser's console
 }
 
 function play(clip, time) {
@@ -92,7 +103,30 @@ function listAnimations(gltf) {
 function count({ parts }) {
   costs = [...costs, parts].slice(-AVERAGED);
   const mean = (name) => costs.reduce((sum, each) => sum + each[name], 0) / costs.length;
-  control("milliseconds").textContent = `${mean("cloth").toFixed(1)} ms per frame`;
+  const text = (name) => mean(name).toFixed(1), beside = mean("pose") + mean("vertices");
+  control("milliseconds").textContent =
+    `${text("cloth")} ms per frame of cloth, ${beside.toFixed(1)} for its pose and its vertices; ` +
+    `${pictures.shown.toFixed(1)} to show a picture, ${pictures.drawn.toFixed(1)} to draw it`;
+}
+
+function listGarments() {
+  const boxes = cloth.garments.map((garment, index) => {
+    const label = document.createElement("label"), box = document.createElement("input");
+    Object.assign(box, { type: "checkbox", checked: true });
+    box.addEventListener("change", () => {
+      garment.isShown = box.checked;
+      updateSkin();
+    });
+    label.append(box, garment.node.name.replaceAll("_", " ") || `garment ${index + 1}`);
+    return label;
+  });
+  control("garments").replaceChildren(...boxes.reverse()); // The outermost on top.
+}
+
+function changeLayer() {
+  const { value } = control("layer");
+  if (view) [view.strain.isShown, view.cage.isShown] = [value === "strain", value === "cage"];
+  control("legend").hidden = value !== "strain";
 }
 
 function changeWorld() {
@@ -136,6 +170,7 @@ function connect() {
   });
   for (const name of ["wind-x", "wind-y", "gravity"]) on(name, "input", changeWorld);
   on("fabric", "change", changeFabric);
+  on("layer", "change", changeLayer);
   on("character", "change", openChosen);
   on("animation", "change", () => play(animations[Number(control("animation").value)], 0));
   on("file", "change", () => openFile(control("file").files[0]));
@@ -158,14 +193,20 @@ function draw(now) {
   const seconds = Math.max(0, now - before) / 1e3;
   before = now;
   if (playback) {
+    const begun = performance.now();
     playback.advance(seconds);
     hand.follow();
+    if (control("layer").value === "strain") view.strain.update();
+    if (playback.shownCages) view.cage.update(...playback.shownCages);
+    const isReady = performance.now();
     control("play").textContent = playback.playing ? "Pause" : "Play";
     if (document.activeElement !== control("time") || playback.playing) control("time").value = playback.time;
     control("clock").textContent = `${playback.time.toFixed(1)} s`;
     // Before the cloth has come to rest there is nothing to draw: the picture before stays.
     const isShown = playback.shown !== undefined;
     if (isShown) stage.draw(point.setFromMatrixPosition(cloth.bones[0].matrixWorld), seconds);
+    pictures.shown += PICTURE * (isReady - begun - pictures.shown);
+    pictures.drawn += PICTURE * (performance.now() - isReady - pictures.drawn);
     if (!isOpening) control("busy").hidden = isShown && !playback.isStarting;
   }
   requestAnimationFrame(draw);

@@ -96,6 +96,7 @@ export class Playback {
     const share = to === from ? 0 : Math.min(1, Math.max(0, (this.clock - from.frame) / (to.frame - from.frame)));
     this.figure.write(from.pose.mixed(to.pose, share));
     this.cloth.show(from.vertices, to.vertices, share);
+    this.shownCages = [from.cages, to.cages, share];
     this.time = to.time < from.time ? to.time : from.time + share * (to.time - from.time);
     this.shown = this.time;
   }
@@ -125,7 +126,7 @@ export class Playback {
     if (run !== this.run) return;
     const parts = { ...answer.parts, pose: milliseconds };
     this.#look(answer.vertices);
-    this.frames.push({ frame, time, pose, vertices: answer.vertices });
+    this.frames.push({ frame, time, pose, vertices: answer.vertices, cages: answer.cages });
     this.onFrame?.({ frame, time, pose, joints, vertices: answer.vertices, parts });
   }
 

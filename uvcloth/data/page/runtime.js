@@ -30,8 +30,9 @@ class Runtime {
     this.garments = Array.from({ length: core.uvc_garments(this.outfit) }, (_, garment) =>
       core.uvc_garment_vertices(this.outfit, garment),
     );
+    this.cages = core.uvc_cages(this.outfit);
     // One piece of memory for all numbers that go in or out, as large as the largest of them.
-    this.numbers = core.malloc(8 * Math.max(12 * this.joints, 3 * Math.max(...this.garments), 6));
+    this.numbers = core.malloc(8 * Math.max(12 * this.joints, 3 * Math.max(this.cages, ...this.garments), 6));
   }
 
   /** Let the cloth come to rest on joints (12 J numbers). Takes as long as 65 steps. */
@@ -58,6 +59,21 @@ class Runtime {
   vertices(garment) {
     this.core.uvc_vertices(this.cloth, garment, this.numbers);
     return new Float64Array(this.core.memory.buffer, this.numbers, 3 * this.garments[garment]);
+  }
+
+  /** The vertices of all cages, 3 N numbers, which the next call overwrites. */
+  cageVertices() {
+    this.core.uvc_cage_vertices(this.cloth, this.numbers);
+    return new Float64Array(this.core.memory.buffer, this.numbers, 3 * this.cages);
+  }
+
+  /** The corners of the cages' faces, 3 M numbers. */
+  cageCorners() {
+    const size = 3 * this.core.uvc_cage_faces(this.outfit), place = this.core.malloc(4 * size);
+    this.core.uvc_cage_corners(this.outfit, place);
+    const corners = new Int32Array(this.core.memory.buffer, place, size).slice();
+    this.core.free(place);
+    return corners;
   }
 
   #put(numbers, count) {

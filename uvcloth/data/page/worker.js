@@ -7,7 +7,8 @@ const ANSWERS = {
   async open({ wasm, outfit, inverseAxes }) {
     runtime = await makeRuntime(wasm, outfit);
     toScene = inverseAxes;
-    return { joints: runtime.joints, garments: runtime.garments };
+    const { joints, garments, cages } = runtime;
+    return { joints, garments, cages, corners: runtime.cageCorners() };
   },
   start({ joints }) {
     runtime.start(joints);
@@ -18,7 +19,8 @@ const ANSWERS = {
     runtime.step(joints, seconds);
     const stepped = performance.now();
     const vertices = runtime.garments.map((_, garment) => placed(runtime.vertices(garment)));
-    return { vertices, parts: { cloth: stepped - begun, vertices: performance.now() - stepped } };
+    const cages = placed(runtime.cageVertices());
+    return { vertices, cages, parts: { cloth: stepped - begun, vertices: performance.now() - stepped } };
   },
   world({ wind, gravity }) {
     runtime.setWorld(wind, gravity);
@@ -44,7 +46,7 @@ function placed(vertices) {
 onmessage = async ({ data }) => {
   try {
     const answer = await ANSWERS[data.kind](data);
-    postMessage({ id: data.id, ...answer }, (answer.vertices ?? []).map((each) => each.buffer));
+    postMessage({ id: data.id, ...answer }, answer.vertices ? [...answer.vertices, answer.cages].map((each) => each.buffer) : []);
   } catch (error) {
     postMessage({ id: data.id, error: error.message });
   }
