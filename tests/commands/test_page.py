@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 
 from tests.commands.chromium import PROGRAM, Chromium
+from tests.motion.bvh_text import bvh_text, performer, still
 from uvcloth.commands import page_file
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
 from uvcloth.commands.page import Page
 from uvcloth.commands.page_file import WASM, add_clips, write_page
+from uvcloth.commands.play_motion import retargeted
 from uvcloth.errors import InputError
 from uvcloth.motion.options import MotionOptions
 from uvcloth.player.baked import EXTENSION, open_baked
@@ -413,6 +415,67 @@ def test_garments_are_hidden_and_strain_and_cages_shown(browser: Chromium, addre
     assert browser.errors == []
 
 
+DROP = """(async () => {
+  const file = new File([await (await fetch("%s")).arrayBuffer()], "%s");
+  const data = new DataTransfer();
+  data.items.add(file);
+  dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
+})()"""
+
+
+@needs_wasm
+@needs_browser
+def test_a_bvh_file_is_retargeted_as_the_laboratory_does_it(
+    browser: Chromium, address: str, folder: Path, skirt: Path
+) -> None:
+    joints = performer()
+    random = np.random.default_rng(5)
+    values = still(joints, 40)
+    values[:, 3:] = 25.0 * random.standard_normal(values.shape[1] - 3) * np.sin(np.arange(40) / 6.0)[:, None]
+    first = np.cumsum([0, *(len(joint[3]) for joint in joints)])
+    for index, joint in enumerate(joints):
+        if joint[0] in ("LeftLeg", "RightLeg"):  # Knees bend backwards, and only so.
+            values[:, first[index] : first[index] + 3] = np.abs(values[:, first[index], None]) * (0, 0, 1)
+    values[:, :3] = np.linspace(0.0, 30.0, 40)[:, None] * (1.0, 0.0, 2.0) + (0.0, 40.0, 0.0)
+    text = bvh_text(joints, values)
+    refused = {
+        "cut.bvh": (text[:-300], "is cut or damaged"),
+        "odd.bvh": (text.replace("LeftUpLeg", "Bone7"), "`uvcloth bake --motion`"),
+        "lying.bvh": (re.sub(r"OFFSET (\S+) -1(\d\.)", r"OFFSET \1 1\2", text), "`uvcloth bake --motion`"),
+        "words.bvh": ("no motion", "no complete BVH"),
+    }
+    open_page(browser, address)
+    for name, (damaged, words) in refused.items():
+        (folder / name).write_text(damaged)
+        browser.value(DROP % (name, name))
+        browser.wait_for(f"{SAID}.startsWith('{name}')", 30.0)
+        assert words in browser.value(SAID)
+    (folder / "moves.bvh").write_text(text)
+    browser.value(DROP % ("moves.bvh", "moves.bvh"))
+    browser.wait_for("uvcloth.playback.clip.name === 'moves.bvh'", 30.0)
+    assert browser.value(SAID) == ""
+    frames = browser.value(
+        """(() => {
+          const { playback: { motion }, cloth } = uvcloth, out = [];
+          for (let frame = 0; frame < 40; frame++) {
+            motion.begin(motion.clip, frame / 30);
+            motion.next(false);
+            out.push([...cloth.transforms()]);
+          }
+          return out;
+        })()"""
+    )
+    frames = np.reshape(frames, (40, -1, 3, 4))
+    expected = retargeted(open_baked(skirt), str(folder / "moves.bvh"), MotionOptions()).transforms
+    np.testing.assert_allclose(frames[..., :3], expected[..., :3], atol=1e-4)
+    np.testing.assert_allclose(frames[..., :2, 3], expected[..., :2, 3], atol=1e-3)
+    # The laboratory puts the lowest skin on the floor, the page the lowest joint of the feet.
+    higher = frames[..., 2, 3] - expected[..., 2, 3]
+    np.testing.assert_allclose(higher, higher.mean(), atol=1e-3)
+    assert abs(higher.mean()) < 0.15
+    assert browser.errors == []
+
+
 def rewritten(content: bytes, old: str, new: str) -> bytes:
     """A .glb with other JSON of the same length."""
     (length,) = struct.unpack_from("<I", content, 12)
@@ -436,22 +499,16 @@ def test_a_dropped_file_is_played_or_refused_with_a_sentence(
         "newer.glb": (rewritten(content, '"version":1', '"version":2'), "of version 2"),
     }
     open_page(browser, address)
-    dropped = """(async () => {
-      const file = new File([await (await fetch("%s")).arrayBuffer()], "%s");
-      const data = new DataTransfer();
-      data.items.add(file);
-      globalThis.before = uvcloth.cloth;
-      dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
-    })()"""
+    browser.value("globalThis.before = uvcloth.cloth; 0")
     for name, (damaged, words) in refused.items():
         (folder / name).write_bytes(damaged)
-        browser.value(dropped % (name, name))
+        browser.value(DROP % (name, name))
         browser.wait_for(f"{SAID}.startsWith('{name}')")
         assert words in browser.value(SAID)
         assert browser.value("document.getElementById('character').value") == "a%20skirt%20%26%20more.glb"
     # What was shown before plays on, and a whole file is played.
     time = browser.value("uvcloth.playback.shown")
     browser.wait_for(f"uvcloth.playback.shown !== {time}")
-    browser.value(dropped % ("a%20skirt%20%26%20more.glb", "again.glb"))
+    browser.value(DROP % ("a%20skirt%20%26%20more.glb", "again.glb"))
     browser.wait_for(f"uvcloth.cloth !== before && {PLAYING} && {SAID} === ''")
     assert browser.errors == []

@@ -31,11 +31,9 @@ MODULES = (
         "cage.js",
         "transition.js",
         "limb.js",
-        "grip.js",
-        "motion.js",
-        "playback.js",
     ),
-    *("roles.js", "scene.js", "hand.js", "files.js", "page.js"),
+    *("grip.js", "motion.js", "playback.js", "roles.js", "retarget.js", "bvh.js", "scene.js", "hand.js"),
+    *("files.js", "page.js"),
 )
 """Modules of the page, each after those that it imports."""
 

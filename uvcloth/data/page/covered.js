@@ -2,7 +2,7 @@
 import { BufferAttribute, Matrix4, Vector3 } from "./three.min.js";
 
 const DEPTH = 0.012; // m
-const NEAR = 0.03; // m, cloth over skin at rest
+const NEAR = 0.06; // m, cloth over skin at rest
 const RIM = 0.05; // m from a garment's edge in which the skin comes up to its place
 
 /** Make skin lie deeper beneath the garments that are shown. Returns a function to call when others are. */

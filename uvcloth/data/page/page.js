@@ -1,11 +1,13 @@
 // The page: its controls, and the loop that draws.
 import { makeCloth } from "./cloth.js";
+import { readBvh } from "./bvh.js";
 import { CageLines } from "./cage.js";
 import { lowerSkin } from "./covered.js";
 import { Figure } from "./figure.js";
 import { bytesOf, makeWorker } from "./files.js";
 import { Hand } from "./hand.js";
 import { Playback } from "./playback.js";
+import { footHeight, retarget } from "./retarget.js";
 import { rolesOf } from "./roles.js";
 import { hasVectors } from "./runtime.js";
 import { Stage } from "./scene.js";
@@ -37,12 +39,14 @@ async function open(option) {
     worker = makeWorker();
     wasm ??= await bytesOf("uvcloth.wasm");
     const opened = await makeCloth(gltf, worker, wasm);
-    if (!gltf.animations.length) throw new Error("it has no animation");
+    const moving = gltf.animations.filter((clip) => moves(clip, opened.bones));
+    if (!moving.length) throw new Error(gltf.animations.length ? "its animations move other joints than those of its cloth" : "it has no animation");
     if (turn !== opening) return worker.terminate();
     cloth?.worker.terminate();
     cloth = opened;
     stage.show(gltf);
-    listAnimations(gltf);
+    animations = moving;
+    listAnimations();
     say("");
     if (control("fabric").value) changeFabric();
     changeWorld();
@@ -62,6 +66,13 @@ async function open(option) {
   }
 }
 
+/** Whether an animation moves joints, or what they hang on. */
+function moves(clip, joints) {
+  const names = new Set();
+  for (let node of joints) for (; node; node = node.parent) names.add(node.name || node.uuid);
+  return clip.duration > 0 && clip.tracks.some(({ name }) => names.has(name.slice(0, name.lastIndexOf("."))));
+}
+
 // What the loader of three.js says of a cut file is no sentence for readers.
 function checkWhole(bytes) {
   const head = new DataView(bytes);
@@ -76,6 +87,7 @@ function begin(gltf) {
   playback = new Playback(figure, count, say);
   Object.assign(playback, { playing, speed: Number(control("speed").value) });
   playback.start(animations[0], 0);
+  figure.ground = footHeight(figure); // Where animations from elsewhere put it.
   control("time").max = playback.last;
   hand.show(playback);
   view?.cage.remove();
@@ -93,8 +105,7 @@ function play(clip, time) {
   control("time").max = playback.last;
 }
 
-function listAnimations(gltf) {
-  ({ animations } = gltf);
+function listAnimations() {
   const named = animations.map((clip, index) => new Option(clip.name || `animation ${index + 1}`, index));
   control("animation").replaceChildren(...named);
   control("animation").closest("label").hidden = named.length < 2;
@@ -147,8 +158,25 @@ function togglePlaying() {
   playback.toggle();
 }
 
+/** Play the motion of a BVH file on the figure, as one more of its animations. */
+async function addMotion(file) {
+  try {
+    if (!playback) throw new Error("there is no figure to play it yet");
+    const { figure } = playback, clip = retarget(readBvh(await file.text()), figure, file.name);
+    if (figure !== playback.figure) return;
+    animations.push(clip);
+    listAnimations();
+    control("animation").value = animations.length - 1;
+    say("");
+    play(clip, 0);
+  } catch (error) {
+    say(`${file.name}: ${error.message}`);
+  }
+}
+
 function openFile(file) {
   if (!file) return;
+  if (file.name.toLowerCase().endsWith(".bvh")) return addMotion(file);
   const { options } = control("character");
   const option = [...options].find((each) => each.text === file.name) ?? new Option(file.name, "");
   option.content = file;
