@@ -59,6 +59,7 @@ def commands(monkeypatch, body):
         known.append(command)
         return SimpleNamespace(lines=lambda: ["a rig"])
 
+    monkeypatch.setattr(demo, "WASM", Path("/no/such/file"))
     monkeypatch.setattr(demo, "simulate_batch", simulate_batch)
     monkeypatch.setattr(demo, "animate", animate)
     monkeypatch.setattr(demo, "export", export)
@@ -104,6 +105,23 @@ def test_everything_moves_over_a_motion_that_stops_at_the_moment_that_is_called_
     assert [command.motion for command in commands] == 3 * [str(tmp_path / "stop.npz")]
     assert still == demo.standstill(motion.fps)
     assert still + max(demo.MOMENTS["stop"]) * motion.fps < len(motion)
+
+
+def test_a_page_is_left_where_the_runtime_for_browsers_is(tmp_path, monkeypatch, capsys, commands):
+    pages = []
+
+    def write_page(command):
+        pages.append(command)
+        return SimpleNamespace(page=command.out)
+
+    monkeypatch.setattr(demo, "OUTFITS", ())
+    monkeypatch.setattr(demo, "write_page", write_page)
+    demo.demonstrate(tmp_path)
+    assert pages == []
+    monkeypatch.setattr(demo, "WASM", Path(__file__))
+    demo.demonstrate(tmp_path)
+    assert [page.out for page in pages] == [tmp_path / "page" / "index.html"]
+    assert f"   file://{tmp_path}/page/index.html: open it in a browser\n" in capsys.readouterr().out
 
 
 def test_a_leg_is_highest_when_the_demo_says_so(body):

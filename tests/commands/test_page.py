@@ -5,9 +5,10 @@ import json
 import re
 import struct
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -476,14 +477,62 @@ def test_a_bvh_file_is_retargeted_as_the_laboratory_does_it(
     assert browser.errors == []
 
 
-def rewritten(content: bytes, old: str, new: str) -> bytes:
-    """A .glb with other JSON of the same length."""
+def edited(content: bytes, change: Callable[[dict[str, Any]], None]) -> bytes:
+    """A .glb with changed JSON."""
     (length,) = struct.unpack_from("<I", content, 12)
-    text = content[20 : 20 + length].decode()
-    assert old in text
-    text = text.replace(old, new)
-    assert len(json.dumps(json.loads(text))) > 0
-    return content[:20] + text.encode().ljust(length) + content[20 + length :]
+    document = json.loads(content[20 : 20 + length])
+    change(document)
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    rest = content[20 + length :]
+    return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest
+
+
+def make_newer(document: dict[str, Any]) -> None:
+    """Raise the version of the cloth."""
+    document["extensions"][EXTENSION]["version"] = 2
+
+
+def animate_others(document: dict[str, Any]) -> None:
+    """Give animations to a node that is no joint."""
+    document["nodes"].append({"name": "a lamp"})
+    document["scenes"][0]["nodes"].append(len(document["nodes"]) - 1)
+    for animation in document["animations"]:
+        for channel in animation["channels"]:
+            channel["target"]["node"] = len(document["nodes"]) - 1
+
+
+@needs_wasm
+@needs_browser
+def test_a_page_that_slept_goes_on_where_it_was(browser: Chromium, address: str) -> None:
+    open_page(browser, address)
+    browser.value(WATCH)
+    before, after = browser.value(
+        """(() => {
+          const { playback } = uvcloth, before = playback.clock;
+          playback.advance(3600);
+          return [before, playback.clock];
+        })()"""
+    )
+    assert after - before <= 3.0
+    browser.wait_for("most.frames > 10")
+    assert browser.value("most.joint") < 8.0
+    assert browser.value(SAID) == ""
+    assert browser.errors == []
+
+
+@needs_wasm
+@needs_browser
+def test_a_browser_without_vectors_is_told_so(browser: Chromium, address: str) -> None:
+    source = "WebAssembly.validate = () => false;"
+    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=source)
+    try:
+        browser.open(address)
+        browser.wait_for(f"document.readyState === 'complete' && {SAID}.includes('SIMD')", 30.0)
+    finally:
+        browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script["identifier"])
+    assert browser.value("document.getElementById('busy').hidden")
+    assert browser.errors == []
 
 
 @needs_wasm
@@ -495,8 +544,12 @@ def test_a_dropped_file_is_played_or_refused_with_a_sentence(
     refused = {
         "cut.glb": (content[: len(content) // 2], "it is cut"),
         "text.glb": (b"no file of this kind, but some words", "no binary glTF"),
-        "plain.glb": (rewritten(content, EXTENSION, "UVCLOTH_other"), f"no extension {EXTENSION}"),
-        "newer.glb": (rewritten(content, '"version":1', '"version":2'), "of version 2"),
+        "plain.glb": (
+            edited(content, lambda document: document["extensions"].clear()),
+            f"no extension {EXTENSION}",
+        ),
+        "other.glb": (edited(content, animate_others), "other joints than those of its cloth"),
+        "newer.glb": (edited(content, make_newer), "of version 2"),
     }
     open_page(browser, address)
     browser.value("globalThis.before = uvcloth.cloth; 0")

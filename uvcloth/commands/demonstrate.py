@@ -19,6 +19,8 @@ from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
 from uvcloth.commands.export import Export
 from uvcloth.commands.export_rig import export
+from uvcloth.commands.page import Page
+from uvcloth.commands.page_file import WASM, write_page
 from uvcloth.commands.play import Play
 from uvcloth.commands.play_file import play
 from uvcloth.commands.rollout import Rollout
@@ -145,6 +147,10 @@ def demonstrate(out: Path) -> None:
     baked = out / "character.glb"
     _print(console, bake(Bake(("bottoms", "tops"), baked, motion=str(stop))).lines())
     _print(console, play(Play(baked, out / "character_in_wind.glb", wind=WIND)).lines())
+    if WASM.is_file():
+        console.print("6. Writing a page on which one drags a figure about, and its clothes follow")
+        written = write_page(Page(out / "page" / "index.html"))
+        _print(console, [f"{written.page.resolve().as_uri()}: open it in a browser"])
 
 
 def standstill(fps: float) -> int:
