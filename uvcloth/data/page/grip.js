@@ -37,20 +37,21 @@ export class Grip {
     this.hips = figure.cloth.bones[0];
     this.point = placeOf(partsOf(figure)[part]);
     this.wanted = this.point.clone();
+    this.carried = placeOf(this.hips); // where the animation alone would have the figure, on its height when it was taken
     this.spine = SPINE.map((role) => figure.joints[role]).filter(Boolean);
     this.neck = figure.joints.lower_neck ?? figure.joints.head ?? this.hips;
   }
 
-  /** Say where the hand is. */
+  /** Say where the hand is, in the scene. */
   drag(point) {
     this.wanted.copy(point);
   }
 
   /** Change the nodes, which have the pose of a frame; last: the pose before it. */
   apply(last) {
-    this.#approach();
     this.turning.clear();
     const place = placeOf(this.hips), limb = this.limbs[this.part];
+    this.#approach(place);
     if (!limb) {
       this.#moveHips(this.point.clone().sub(place));
     } else {
@@ -62,8 +63,11 @@ export class Grip {
     this.#slow(last);
   }
 
-  // Smoothly, and not faster than cloth follows.
-  #approach() {
+  // Smoothly, and not faster than cloth follows; the point goes along with the animation.
+  #approach(place) {
+    const carried = place.clone().setY(this.carried.y);
+    this.point.add(carried).sub(this.carried);
+    this.carried = carried;
     const way = this.wanted.clone().sub(this.point).multiplyScalar(1 - Math.exp(-1 / (FOLLOWING * this.fps)));
     this.point.add(way.clampLength(0, (FASTEST * this.figure.height) / this.fps));
   }

@@ -35,7 +35,12 @@ export class Hand {
   /** Bring the marks, and what is held, to where the figure is now. */
   follow() {
     for (const { joint, mesh } of this.marks) mesh.position.copy(placeOf(joint));
-    if (this.held !== undefined) this.playback.drag(this.#point().add(this.shift));
+    if (this.held === undefined) return;
+    // The plane goes along with the animation.
+    const { followed } = this.playback;
+    this.plane.translate(followed.clone().sub(this.carried));
+    this.carried = followed;
+    this.playback.drag(this.#point().add(this.shift));
   }
 
   #take(event) {
@@ -43,14 +48,14 @@ export class Hand {
     if (!mark) return;
     event.stopImmediatePropagation(); // The camera stays.
     this.held = event.pointerId;
-    this.stage.isHeld = true;
     this.stage.canvas.setPointerCapture(event.pointerId);
     const place = placeOf(mark.joint), away = this.stage.camera.getWorldDirection(new Vector3());
+    this.playback.hold(mark.part);
     this.plane.setFromNormalAndCoplanarPoint(away, place);
+    this.carried = this.playback.followed;
     this.#aim(event);
     this.shift = place.sub(this.#point());
     this.#mark(mark);
-    this.playback.hold(mark.part);
   }
 
   #move(event) {
@@ -64,7 +69,6 @@ export class Hand {
     if (this.held === undefined || (event && event.pointerId !== this.held)) return;
     event?.stopImmediatePropagation();
     this.held = undefined;
-    this.stage.isHeld = false;
     this.playback.release();
     this.#mark(null);
   }

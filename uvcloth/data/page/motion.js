@@ -10,7 +10,7 @@ const UP = new Vector3(0, 1, 0);
 
 export class Motion {
   constructor(figure) {
-    Object.assign(this, { figure, mixer: new AnimationMixer(figure.scene), poses: [] });
+    Object.assign(this, { figure, mixer: new AnimationMixer(figure.scene) });
     this.rest = figure.relative();
   }
 
@@ -18,7 +18,7 @@ export class Motion {
   begin(clip, time) {
     this.#choose(clip);
     this.frame = Math.min(Math.round(time * FPS), this.last);
-    Object.assign(this, { poses: [], isFirst: true, still: null, transition: null, grip: null });
+    Object.assign(this, { poses: [], free: [], isFirst: true, still: null, transition: null, grip: null });
     this.turn = new Quaternion();
     this.shift = new Vector3();
   }
@@ -70,6 +70,7 @@ export class Motion {
     let pose = this.still ?? this.#sampled();
     if (this.transition && !this.still) pose = this.transition.next(pose);
     if (this.transition?.isDone) this.transition = null;
+    this.free = [...this.free, pose].slice(-2);
     this.figure.write(pose);
     if (this.grip) {
       this.grip.apply(this.poses.at(-1) ?? pose);
@@ -101,7 +102,8 @@ export class Motion {
   // From the last poses into the animation. It goes on where the figure is, unless it is almost where it was.
   #join() {
     this.still = this.transition = null;
-    const last = this.poses.at(-1);
+    // While a hand holds the figure, the animation goes on without it.
+    const poses = this.grip ? this.free : this.poses, last = poses.at(-1);
     if (!last) return;
     const { root } = this.figure, turn = last.turns[root], place = last.places[root];
     let next = this.#sampled();
@@ -113,7 +115,7 @@ export class Motion {
       this.shift.add(place.clone().sub(next.places[root]).setY(0));
       next = this.#sampled();
     }
-    this.transition = new Transition(this.poses[0], last, next, FPS);
+    this.transition = new Transition(poses[0], last, next, FPS);
   }
 
   // The animation, turned and moved to where the figure has come.

@@ -12,7 +12,7 @@ import { rolesOf } from "./roles.js";
 import { hasVectors } from "./runtime.js";
 import { Stage } from "./scene.js";
 import { StrainMap } from "./strain.js";
-import { GLTFLoader, Vector3 } from "./three.min.js";
+import { GLTFLoader } from "./three.min.js";
 
 const OF_FILE = "glTF", GLB = 0x46546c67;
 const control = (name) => document.getElementById(name);
@@ -214,7 +214,6 @@ function connect() {
   });
 }
 
-const point = new Vector3();
 let before = performance.now();
 
 function draw(now) {
@@ -232,7 +231,7 @@ function draw(now) {
     control("clock").textContent = `${playback.time.toFixed(1)} s`;
     // Before the cloth has come to rest there is nothing to draw: the picture before stays.
     const isShown = playback.shown !== undefined;
-    if (isShown) stage.draw(point.setFromMatrixPosition(cloth.bones[0].matrixWorld), seconds);
+    if (isShown) stage.draw(playback.followed, seconds);
     pictures.shown += PICTURE * (isReady - begun - pictures.shown);
     pictures.drawn += PICTURE * (performance.now() - isReady - pictures.drawn);
     if (!isOpening) control("busy").hidden = isShown && !playback.isStarting;

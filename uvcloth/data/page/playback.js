@@ -1,4 +1,5 @@
 // Playing of a figure with its cloth: the cloth has fixed frames, the display shows what is between two of them.
+import { placeOf } from "./limb.js";
 import { FPS, Motion } from "./motion.js";
 
 const AHEAD = 3, HELD_AHEAD = 2; // frames of cloth that are asked for before they are shown; fewer follow a hand sooner
@@ -65,6 +66,11 @@ export class Playback {
     if (this.playing) return;
     this.motion.stop();
     this.settling = 0;
+  }
+
+  /** The place that the camera follows: that of the root, or, while a hand holds the figure, what moves without it. */
+  get followed() {
+    return this.motion.grip?.carried.clone() ?? placeOf(this.cloth.bones[0]);
   }
 
   get clip() {

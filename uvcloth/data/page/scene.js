@@ -8,7 +8,7 @@ const FOLLOWING = 4; // of the way to the figure that the camera goes in a secon
 
 export class Stage {
   constructor(canvas) {
-    Object.assign(this, { canvas, isHeld: false });
+    this.canvas = canvas;
     // Without a colour of its own: behind it is the page, dark or light.
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.shadowMap.enabled = true;
@@ -69,11 +69,11 @@ export class Stage {
     this.#moveLight();
   }
 
-  /** Draw, with the camera on its way to a point of the figure, but for one that a hand holds. */
+  /** Draw, with the camera on its way to a point of the figure. */
   draw(point, seconds) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (width !== this.width || height !== this.height) this.#resize(width, height);
-    if (point && !this.isHeld) {
+    if (point) {
       const share = 1 - Math.exp(-FOLLOWING * seconds);
       const shift = point.clone().sub(this.target).setY(0).multiplyScalar(share);
       for (const each of [this.target, this.controls.target, this.camera.position]) each.add(shift);
