@@ -149,8 +149,8 @@ def demonstrate(out: Path) -> None:
     _print(console, play(Play(baked, out / "character_in_wind.glb", wind=WIND)).lines())
     if WASM.is_file():
         console.print("6. Writing a page on which one drags a figure about, and its clothes follow")
-        written = write_page(Page(out / "page" / "index.html"))
-        _print(console, [f"{written.page.resolve().as_uri()}: open it in a browser"])
+        page = write_page(Page(out / "page" / "index.html")).page
+        _print(console, [f"{page.resolve().as_uri()}: open it in a browser"])
 
 
 def standstill(fps: float) -> int:
