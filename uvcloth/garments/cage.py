@@ -252,7 +252,7 @@ def _cells(surface: _Surface) -> tuple[Indices, Indices]:
 
 
 def _nearest(graph: csr_array, seeds: Indices, limit: float = np.inf) -> tuple[Floats, Indices]:
-    """Distance (P,) to the nearest seed, and its index (P,) among the S, -1 where none is within the limit."""
+    """Distance (P,) to the nearest seed, and its index (P,) among the S, -1 for none within the limit."""
     if not len(seeds):
         return np.full(graph.shape[0], np.inf), np.full(graph.shape[0], -1)
     ways, _, sources = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True, limit=limit)
