@@ -127,6 +127,7 @@ def fake_results() -> dict[str, Any]:
         "actions": list(ACTIONS),
         "split": "test",
         "windows": 3,
+        "people": ["02", "12"],
         "missing": {},
         "frames": 300,
         "fps": 30.0,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from uvcloth.physics.surface import Shell
+from uvcloth.physics.shell import Shell
 
 RISES = (-10.0, 10.0, 40.0, 75.0)
 """Degrees above the horizon from which a person looks."""
@@ -36,18 +36,30 @@ class Onlooker:
         up = rises.sin().expand(-1, TURNS).reshape(-1, 1)
         self._directions = torch.cat([flat, up], 1)
 
+    def update(self, meshes: Sequence[Tensor]) -> None:
+        """Move the shells to new vertex positions, (V, 3) m of each."""
+        for shell, vertices in zip(self._shells, meshes, strict=True):
+            shell.update(vertices)
+
+    def sees_any(self, points: Tensor) -> bool:
+        """True if one of the points (P, 3) m is seen from any side."""
+        rounds = (self._directions[turn::ROUNDS].to(points) for turn in range(ROUNDS))
+        return any(bool(self._sees_along(points, directions).any()) for directions in rounds)
+
     def sees(self, points: Tensor) -> Tensor:
         """Mask (P,) of the points (P, 3) m that are seen from any side."""
         visible = torch.zeros_like(points[:, 0], dtype=torch.bool)
         for turn in range(ROUNDS):
             hidden = torch.nonzero(~visible).squeeze(1)
+            if not len(hidden):
+                break
             visible[hidden] = self._sees_along(points[hidden], self._directions[turn::ROUNDS].to(points))
         return visible
 
     def _sees_along(self, points: Tensor, directions: Tensor) -> Tensor:
         """Mask (P,) of the points (P, 3) m that are seen from any of some directions (D, 3)."""
-        owner = torch.arange(len(points), device=points.device).repeat_interleave(len(directions))
-        ways = directions.repeat(len(points), 1)
+        owner = torch.arange(len(points), device=points.device).repeat(len(directions))
+        ways = directions.repeat_interleave(len(points), dim=0)
         starts = points[owner] + START * ways
         for shell in self._shells:
             distance, _ = shell.first_hit(starts, ways, FAR_ENOUGH)
