@@ -64,20 +64,20 @@ def _cost(results: Results, by_garment: Mapping[str, Sequence[Standing]]) -> Ans
         garment: {row.method: _figure(results, row.method, garment, "ms_per_frame") for row in rows}
         for garment, rows in by_garment.items()
     }
-    sentences = [
-        f"At {results['fps']:g} frames per second there are {number(1000 / results['fps'])} ms for one."
-    ]
+    fps = results["fps"]
+    sentences = [f"At {fps:g} frames per second there are {number(1000 / fps)} ms for each one."]
     for garment, rows in by_garment.items():
-        known = {row: ms for row in rows if (ms := times[garment][row.method]) is not None}
+        errors = {row.method: row.after.mean_mm for row in rows}
+        known = {name: ms for name, ms in times[garment].items() if ms is not None}
         if not known:
             continue
-        closest = min(known, key=lambda row: row.after.mean_mm)
-        sentence = f"For {garment}, {closest.method}, the closest, takes {number(known[closest])} ms a frame"
-        near = [row for row in known if row.after.mean_mm <= NEARLY * closest.after.mean_mm]
-        fastest = min(near, key=lambda row: known[row])
+        closest = min(known, key=lambda name: errors[name])
+        near = [name for name in known if errors[name] <= NEARLY * errors[closest]]
+        fastest = min(near, key=lambda name: known[name])
+        sentence = f"For {garment}, {closest}, the closest, takes {number(known[closest])} ms a frame"
         sentence += (
-            f"; {fastest.method}, within a tenth of its error, {number(known[fastest])} ms"
-            if fastest is not closest
+            f"; {fastest}, within a tenth of its error, {number(known[fastest])} ms"
+            if fastest != closest
             else "; none within a tenth of its error is faster"
         )
         sentences.append(f"{sentence}.")
