@@ -38,21 +38,29 @@ def one_person(results: Results) -> str:
 
 
 def _which(results: Results, by_garment: Mapping[str, Sequence[Standing]]) -> Answer:
-    sentences = []
+    closest, following, lively = [], [], []
     for garment, rows in by_garment.items():
         first, *others = sorted(rows, key=lambda row: row.after.mean_mm)
-        sentence = f"For {garment}: {first.method}, {number(first.after.mean_mm)} mm from the simulation"
+        says = f"{number(first.after.mean_mm)} mm"
         if first.after.against:
             share = round(100 * (1 - first.after.against))
-            sentence += f", {abs(share)} % {'less' if share >= 0 else 'more'} than the better LBS"
-        if others:
-            sentence += f"; then {others[0].method}, {number(others[0].after.mean_mm)} mm"
+            says += f", {abs(share)} % {'less' if share >= 0 else 'more'} than the better LBS"
+        closest.append((first.method, garment, says))
+        following += [(row.method, garment, f"{number(row.after.mean_mm)} mm") for row in others[:1]]
         swings = {row.method: _figure(results, row.method, garment, "swing_ratio") for row in rows}
-        lively = {name: swing for name, swing in swings.items() if swing is not None}
-        if lively:
-            name = min(lively, key=lambda each: abs(lively[each] - 1.0))
-            sentence += f". Its swing is nearest with {name}, {number(lively[name])} of the simulation's"
-        sentences.append(f"{sentence}.")
+        known = {name: swing for name, swing in swings.items() if swing is not None}
+        if known:
+            name = min(known, key=lambda each: abs(known[each] - 1.0))
+            lively.append((name, garment, f"{number(known[name])} of it"))
+    sentences = [
+        f"{title}: {_listed(each)}."
+        for title, each in (
+            ("Closest to the simulation", closest),
+            ("Next", following),
+            ("Nearest to its swing", lively),
+        )
+        if each
+    ]
     errors = {
         garment: {row.method: row.after.mean_mm for row in rows} for garment, rows in by_garment.items()
     }
@@ -64,36 +72,50 @@ def _cost(results: Results, by_garment: Mapping[str, Sequence[Standing]]) -> Ans
         garment: {row.method: _figure(results, row.method, garment, "ms_per_frame") for row in rows}
         for garment, rows in by_garment.items()
     }
-    fps = results["fps"]
-    sentences = [f"At {fps:g} frames per second there are {number(1000 / fps)} ms for each one."]
+    closest, faster = [], []
     for garment, rows in by_garment.items():
         errors = {row.method: row.after.mean_mm for row in rows}
         known = {name: ms for name, ms in times[garment].items() if ms is not None}
         if not known:
             continue
-        closest = min(known, key=lambda name: errors[name])
-        near = [name for name in known if errors[name] <= NEARLY * errors[closest]]
+        best = min(known, key=lambda name: errors[name])
+        closest.append((best, garment, f"{number(known[best])} ms"))
+        near = [name for name in known if errors[name] <= NEARLY * errors[best]]
         fastest = min(near, key=lambda name: known[name])
-        sentence = f"For {garment}, {closest}, the closest, takes {number(known[closest])} ms a frame"
-        sentence += (
-            f"; {fastest}, within a tenth of its error, {number(known[fastest])} ms"
-            if fastest != closest
-            else "; none within a tenth of its error is faster"
-        )
-        sentences.append(f"{sentence}.")
+        if fastest != best:
+            faster.append((fastest, garment, f"{number(known[fastest])} ms"))
+    fps = results["fps"]
+    sentences = [f"At {fps:g} frames per second there are {number(1000 / fps)} ms for each one."]
+    if closest:
+        sentences += [
+            f"The closest method takes: {_listed(closest)}.",
+            f"Faster, with at most a tenth more error: {_listed(faster)}."
+            if faster
+            else "No faster one has at most a tenth more error.",
+        ]
     return Answer("At which cost?", tuple(sentences), _bars(results, "Time of a frame", times, "ms"))
+
+
+def _listed(entries: Sequence[tuple[str, str, str]]) -> str:
+    """Methods, garments and what is said of each pair, by method, in words."""
+    garments: dict[str, list[str]] = {}
+    for method, garment, says in entries:
+        garments.setdefault(method, []).append(f"{garment} ({says})")
+    return "; ".join(f"{method} for {', '.join(each)}" for method, each in garments.items())
 
 
 def _chance(results: Results, by_garment: Mapping[str, Sequence[Standing]]) -> Answer:
     ratios = {garment: {row.method: row.spread_ratio for row in rows} for garment, rows in by_garment.items()}
     having = {garment: rows for garment, rows in by_garment.items() if any(row.spread_ratio for row in rows)}
     sentences = [one] if (one := one_person(results)) else []
+    nearest = []
     for garment, rows in having.items():
-        measured = {row.method: row.spread_ratio for row in rows if row.spread_ratio is not None}
-        name = min(measured, key=lambda each: measured[each])
+        known = {row.method: row.spread_ratio for row in rows if row.spread_ratio is not None}
+        name = min(known, key=lambda each: known[each])
+        nearest.append((name, garment, f"{number(known[name])} times"))
+    if nearest:
         sentences.append(
-            f"For {garment}, {name} is {number(measured[name])} times as far from the simulations as these "
-            "are from each other."
+            f"Nearest: {_listed(nearest)} as far from the simulations as these are from each other."
         )
     if having:
         floors = {"another simulation": 1.0}

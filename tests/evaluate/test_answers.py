@@ -17,13 +17,10 @@ def test_the_closest_method_is_named_for_each_garment() -> None:
     which, cost, chance = said(fake_results())
     # The means of three actions are 3 mm apart; the better LBS is lbs_smooth.
     closest, against = CLEARED * (MEANS["net"] + 3), round(100 * (1 - 27 / 33))
-    assert (
-        f"For tops: net, {closest:.1f} mm from the simulation, {against} % less than the better LBS" in which
-    )
-    assert "then lbs_smooth, 26.4 mm" in which
-    assert "For dress: net, 28.8 mm" in which
+    assert f"net for tops ({closest:.1f} mm, {against} % less than the better LBS), dress (28.8 mm" in which
+    assert "Next: lbs_smooth for tops (26.4 mm), dress (33.6 mm)." in which
     assert "33.3 ms for each one" in cost
-    assert "For tops, net, the closest, takes 25.0 ms a frame; none within a tenth" in cost
+    assert "The closest method takes: net for tops (25.0 ms), dress (25.0 ms). No faster one" in cost
     assert "Not known: no window was simulated more than once" in chance
 
 
@@ -31,7 +28,7 @@ def test_a_faster_method_that_is_nearly_as_close_is_named() -> None:
     results = fake_results()
     for by_garment in results["methods"]["lbs"]["actions"].values():
         by_garment["tops"] = {**cell(29.0), "ms_per_frame": 2.0}
-    assert "lbs, within a tenth of its error, 2.00 ms" in said(results)[1]
+    assert "Faster, with at most a tenth more error: lbs for tops (2.00 ms)." in said(results)[1]
 
 
 def test_swing_and_spread_are_said_where_they_are_measured() -> None:
@@ -42,8 +39,11 @@ def test_swing_and_spread_are_said_where_they_are_measured() -> None:
     for clip in results["methods"]["net"]["clips"]["tops"].values():
         clip |= {"ensemble_mm": 30.0, "spread_mm": 12.0}
     which, _, chance = said(results)
-    assert "Its swing is nearest with net, 0.90 of the simulation's" in which
-    assert "For tops, net is 2.50 times as far from the simulations as these are from each other" in chance
+    assert "Nearest to its swing: net for tops (0.90 of it)." in which
+    assert (
+        "Nearest: net for tops (2.50 times) as far from the simulations as these are from each other"
+        in chance
+    )
     assert "dress" not in chance
 
 
