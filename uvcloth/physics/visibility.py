@@ -23,6 +23,9 @@ FAR_ENOUGH = 3.0
 ROUNDS = 8
 """Parts of the directions that are looked from in turn: most points are seen from one of the first."""
 
+FEW = 8
+"""Points that are looked at from all directions at once: a turn takes as long as some hundred rays."""
+
 
 class Onlooker:
     """A person who walks around a body and its garments, the shells that hide points."""
@@ -43,18 +46,22 @@ class Onlooker:
 
     def sees_any(self, points: Tensor) -> bool:
         """True if one of the points (P, 3) m is seen from any side."""
-        rounds = (self._directions[turn::ROUNDS].to(points) for turn in range(ROUNDS))
-        return any(bool(self._sees_along(points, directions).any()) for directions in rounds)
+        return any(bool(self._sees_along(points, each).any()) for each in self._turns(points))
 
     def sees(self, points: Tensor) -> Tensor:
         """Mask (P,) of the points (P, 3) m that are seen from any side."""
         visible = torch.zeros_like(points[:, 0], dtype=torch.bool)
-        for turn in range(ROUNDS):
+        for directions in self._turns(points):
             hidden = torch.nonzero(~visible).squeeze(1)
             if not len(hidden):
                 break
-            visible[hidden] = self._sees_along(points[hidden], self._directions[turn::ROUNDS].to(points))
+            visible[hidden] = self._sees_along(points[hidden], directions)
         return visible
+
+    def _turns(self, points: Tensor) -> list[Tensor]:
+        """Directions (D, 3) that points (P, 3) m are looked at from, turn after turn."""
+        rounds = ROUNDS if len(points) > FEW else 1
+        return [self._directions[turn::rounds].to(points) for turn in range(rounds)]
 
     def _sees_along(self, points: Tensor, directions: Tensor) -> Tensor:
         """Mask (P,) of the points (P, 3) m that are seen from any of some directions (D, 3)."""

@@ -34,7 +34,7 @@ class SparseFactors:
         self._complex = bool(np.iscomplexobj(values))
         kind = np.complex128 if self._complex else np.float64
         self._values, self._pivots = (np.ascontiguousarray(each, kind) for each in (values, pivots))
-        arrays = (self._starts, self._rows, self._values, self._pivots)
+        arrays: list[NDArray[Any]] = [self._starts, self._rows, self._values, self._pivots]
         self._view = _View(*map(pointer, arrays), len(self._pivots), 2 if self._complex else 1)
 
     def solve(self, columns: NDArray[Any]) -> NDArray[Any]:
