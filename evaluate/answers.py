@@ -23,7 +23,7 @@ class Answer:
 
 
 def answers(results: Results) -> list[Answer]:
-    """Which method for what, at which cost, how far from chance."""
+    """Answers to three questions: which method for what, at which cost, how far from chance."""
     rows = standings(results)
     by_garment = {row.garment: [each for each in rows if each.garment == row.garment] for row in rows}
     return [_which(results, by_garment), _cost(results, by_garment), _chance(results, by_garment)]
