@@ -90,11 +90,11 @@ class Evaluate:
         from .garment_space import interpolations
         from .memory import rollout_memory
         from .motion_map import motion_maps
-        from .progress import progress
         from .records import Records
         from .report import write_metrics, write_report
         from .selection import Selection
         from .show import pictured, pictures, viewer_clips
+        from .workers import workers
 
         selection = Selection(self.data, self.actions, self.garment, self.frames, self.split, self.map_size)
         request = Request(selection, self.model, self.predicted, self.threads)
@@ -107,21 +107,20 @@ class Evaluate:
             count = processes(comparison, self.jobs)
             used = f"{machine()}, threads used: {self.threads}"
             records = Records(self.out / "partial", used, cases.map_size)
-            if count > 1:
-                judge_beside(request, comparison, records, count)
-            results, shown = compare(candidates, cases, records, comparison.predictions)
-            memory = rollout_memory(candidates, cases) if self.memory else {}
-        for name, by_outfit in memory.items():
-            results["methods"][name]["memory_mb"] = by_outfit
-        metrics = write_metrics(self.out, results)
-        images, spaces, motion = [], [], []
-        if self.pictures:
-            picks = pictured(shown)
-            with progress("Pictures", len(picks)) as tick:
-                images = list(pictures(picks, list(results["methods"]), tick))
-            if cases.one_body:
-                spaces = interpolations(candidates, shown, cases.body)
-                motion = motion_maps(candidates, self.data, shown, cases.body)
+            with workers(count) as work:
+                if count > 1:
+                    judge_beside(request, comparison, records, work)
+                results, shown = compare(candidates, cases, records, comparison.predictions)
+                memory = rollout_memory(candidates, cases) if self.memory else {}
+                for name, by_outfit in memory.items():
+                    results["methods"][name]["memory_mb"] = by_outfit
+                metrics = write_metrics(self.out, results)
+                images, spaces, motion = [], [], []
+                if self.pictures:
+                    images = pictures(pictured(shown), list(results["methods"]), work)
+                    if cases.one_body:
+                        spaces = interpolations(candidates, shown, cases.body)
+                        motion = motion_maps(candidates, self.data, shown, cases.body)
         report = write_report(self.out, results, viewer_clips(shown), images, spaces, motion)
         print(summary(results))
         print(f"{metrics}\n{report}")
@@ -135,8 +134,10 @@ def machine() -> str:
 
 def summary(results: dict) -> str:
     """Per garment or outfit and method, before and after the finish: the mean distance, and its ratio to the
-    better LBS. Then a warning for each method that has used evaluated windows in training or selection.
+    better LBS. Then a warning for each method that has used evaluated windows in training or selection, and
+    one where all windows are of one person.
     """
+    from .answers import one_person
     from .familiar import cautions
     from .standings import Rank, standings
 
@@ -158,6 +159,7 @@ def summary(results: dict) -> str:
         for caution in cautions(results)
         if caution.red
     ]
+    warnings += filter(None, [one_person(results)])
     return "\n".join(
         [title, f"{'':{wide + method + 1}} {'before the finish':28} after the finish", *rows, *warnings]
     )

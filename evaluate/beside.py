@@ -7,7 +7,6 @@ from functools import cache, lru_cache
 from io import StringIO
 
 from uvcloth.commands.threads import limited_threads
-from uvcloth.process.pool import pool
 
 from .candidates import Candidate, load_candidates
 from .case import Case
@@ -17,6 +16,7 @@ from .predicted import Prediction, load_predictions
 from .progress import progress
 from .records import Records
 from .selection import Cases, Opener, Selection, find_cases
+from .workers import Work
 
 WORTH_A_PROCESS = 8
 """Fewest methods on cases for each process, whose start takes as long as judging one."""
@@ -62,27 +62,23 @@ def processes(comparison: Comparison, jobs: int | None) -> int:
     return max(1, min(jobs or os.cpu_count() or 1, judged // WORTH_A_PROCESS))
 
 
-def judge_beside(request: Request, comparison: Comparison, records: Records, count: int) -> None:
-    """Judge what the records lack in `count` processes. Raises InputError if one of them is lost."""
+def judge_beside(request: Request, comparison: Comparison, records: Records, work: Work) -> None:
+    """Judge what the records lack by some workers."""
     todo = [
-        _Job(request, records, number, None if entrant is None else entrant.name)
+        _Judged(request, records, number, None if entrant is None else entrant.name)
         for number, (opener, entrants) in enumerate(comparison.entrants())
         for case in [opener.load()]
         for entrant in (None, *entrants)
         if not records.path(case, entrant).is_file()
     ]
-    if not todo:
-        return
-    with (
-        progress("Judging", len(todo)) as tick,
-        pool(_judge, min(count, len(todo)), "judged methods") as judged,
-    ):
-        for note in judged(todo):
-            tick(note=note)
+    if todo:
+        with progress("Judging", len(todo)) as tick:
+            for note in work(todo):
+                tick(note=note)
 
 
 @dataclass(frozen=True)
-class _Job:
+class _Judged:
     """A method, None for the simulation, on a case, by its number."""
 
     request: Request
@@ -90,17 +86,16 @@ class _Job:
     number: int
     name: str | None
 
-
-def _judge(job: _Job) -> str:
-    """Judge and keep; returns what was judged, in words."""
-    with limited_threads(job.request.threads):
-        entrant = None
-        if job.name is not None:
-            entrants = _loaded(job.request)[job.number][1]
-            entrant = next(each for each in entrants if each.name == job.name)
-        case = _case(job.request, job.number)
-        job.records.scores(case, entrant)
-    return f"{case.action}, {case.parts[-1].name}" + (f": {job.name}" if job.name else "")
+    def run(self) -> str:
+        """Judge and keep; returns what was judged, in words."""
+        with limited_threads(self.request.threads):
+            entrant = None
+            if self.name is not None:
+                entrants = _loaded(self.request)[self.number][1]
+                entrant = next(each for each in entrants if each.name == self.name)
+            case = _case(self.request, self.number)
+            self.records.scores(case, entrant)
+        return f"{case.action}, {case.parts[-1].name}" + (f": {self.name}" if self.name else "")
 
 
 @cache

@@ -20,14 +20,15 @@ from .pixels import Sight, make_sight, pixel_scores
 class DressedBody:
     """A garment, or several as one mesh, on a body.
 
-    garment: its vertices, prepared for contact. sample: points spread over its faces. loose: these points,
-    prepared for contact. exposure: of the skin that it covers. sight: all of it in pictures.
+    garment: its vertices, prepared for contact. sample: points spread over its faces. with_sample: its
+    vertices and then these points, prepared for contact. exposure: of the skin that it covers. sight: all of
+    it in pictures.
     """
 
     obstacle: Obstacle
     garment: ContactGarment
     sample: SurfaceSample
-    loose: ContactGarment
+    with_sample: ContactGarment
     exposure: Exposure
     sight: Sight
 
@@ -37,11 +38,12 @@ def dressed_body(body: Body, meshes: Sequence[Mesh]) -> DressedBody:
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in meshes)
     sample = spread(outfit.vertices, outfit.faces, CLOTH_POINTS)
+    points = torch.cat([outfit.vertices, sample.points(outfit.vertices)])
     return DressedBody(
         obstacle=obstacle,
         garment=obstacle.contact_garment(outfit.vertices),
         sample=sample,
-        loose=obstacle.contact_garment(sample.points(outfit.vertices)),
+        with_sample=obstacle.contact_garment(points),
         exposure=Exposure(body, meshes),
         sight=make_sight(body, meshes, covered_skin(body, meshes)),
     )
@@ -57,16 +59,20 @@ def body_scores(dressed: DressedBody, frames: Tensor, body_frames: Tensor) -> di
     """
     some = sampled_frames(len(frames))
     frames, body_frames = frames[some], body_frames[some]
-    skins = list(dressed.obstacle.skins(frames, dressed.garment, body_frames))
-    points = dressed.sample.points(frames)
+    points = torch.cat([frames, dressed.sample.points(frames)], dim=1)
+    skins = list(dressed.obstacle.skins(points, dressed.with_sample, body_frames))
+    inside, squeezed = (
+        torch.stack([getattr(skin, which) for skin in skins]) for which in ("inside", "squeezed")
+    )
+    count = frames.shape[1]
     exposed = [
         dressed.exposure.percent([vertices], posed)
         for vertices, posed in zip(frames, body_frames, strict=True)
     ]
     return {
-        "inside_percent": torch.tensor([100.0 * float(skin.inside.float().mean()) for skin in skins]),
-        "squeezed_percent": torch.tensor([100.0 * float(skin.squeezed.float().mean()) for skin in skins]),
-        "inside_faces_percent": dressed.obstacle.inside_percent(points, dressed.loose, body_frames),
+        "inside_percent": 100.0 * inside[:, :count].float().mean(1),
+        "squeezed_percent": 100.0 * squeezed[:, :count].float().mean(1),
+        "inside_faces_percent": 100.0 * inside[:, count:].float().mean(1),
         "skin_percent": torch.tensor(exposed),
         **pixel_scores(dressed.sight, frames, body_frames),
     }

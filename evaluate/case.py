@@ -13,7 +13,7 @@ from uvcloth.bodies.posing import posed_skin
 from uvcloth.dataset.bodies import require_joints
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated, read_metadata
-from uvcloth.dataset.folder import MEMBERS, member_folder
+from uvcloth.dataset.folder import MEMBERS, is_finished, member_folder
 from uvcloth.dataset.reader import simulated_fabric
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
@@ -51,7 +51,7 @@ class Case:
     windows: of its garments, the innermost first. clip: the simulation. members: the other members of its
     ensemble, if there are any. parts: units of scoring, each garment and last, if there are several, the
     whole outfit. start: number of warm-up frames. transforms: (F, J, 3, 4) and body_vertices: (F, V, 3) of
-    the body in the scored frames.
+    the body in the scored frames. turned: True if its scene is also rolled out turned.
     """
 
     windows: tuple[Window, ...]
@@ -62,6 +62,7 @@ class Case:
     start: int
     transforms: Tensor
     body_vertices: Tensor
+    turned: bool = True
 
     @property
     def name(self) -> str:
@@ -136,24 +137,41 @@ def simulated_together(windows: Sequence[Window]) -> tuple[tuple[Window, ...], .
 
 
 def open_case(
-    windows: tuple[Window, ...], outfit: Outfit, texels: Mapping[str, Texels | None], frames: int | None
+    windows: tuple[Window, ...],
+    outfit: Outfit,
+    texels: Mapping[str, Texels | None],
+    frames: int | None,
+    turned: bool = True,
 ) -> Case:
     """Load sequences that were simulated together, and check that they are of these garments on this body.
 
     texels: of each garment's map by its name, None without one. frames: score at most so many, None for all.
-    Raises InputError naming the file if a mesh, a rest shape, the skeleton or the motion of an ensemble
-    member differs, or garments do not move with the same body.
+    turned: as of a `Case`. Raises InputError naming the file if a mesh, a rest shape, the skeleton or the
+    motion of an ensemble member differs, a member is missing, or garments do not move with the same body.
     """
     paths = [window.path for window in windows]
     clip = _load(paths, outfit)
     members = []
-    for member in range(1, MEMBERS):
-        files = [member_folder(path.parent, member) / path.name for path in paths]
-        if all(map(Path.is_file, files)):
-            members.append(_load(files, outfit))
-            if not members[-1].has_motion_of(clip):
-                raise InputError(f"{files[0]}: has another motion than {paths[0]}, whose ensemble it is in")
-    return make_case(windows, clip, outfit, texels, frames, members)
+    for files in _member_files(paths):
+        members.append(_load(files, outfit))
+        if not members[-1].has_motion_of(clip):
+            raise InputError(f"{files[0]}: has another motion than {paths[0]}, whose ensemble it is in")
+    return make_case(windows, clip, outfit, texels, frames, members, turned)
+
+
+def _member_files(paths: Sequence[Path]) -> list[list[Path]]:
+    """The files of the other members of an ensemble, one of each garment; refused members are left out.
+
+    Raises InputError naming a file that is missing while other files of its member and of the ensemble are
+    there.
+    """
+    folders = [member_folder(paths[0].parent, member) for member in range(1, MEMBERS)]
+    files = [[folder / path.name for path in paths] for folder in folders if folder.is_dir()]
+    lacking = [path for member in files for path in member if not is_finished(path)]
+    if len(lacking) < sum(map(len, files)):
+        for path in lacking:
+            raise InputError(f"{path}: is missing, while others of this ensemble are there: simulate it too")
+    return [member for member in files if all(map(Path.is_file, member))]
 
 
 def _load(paths: Sequence[Path], outfit: Outfit) -> SimulatedClip:
@@ -171,10 +189,11 @@ def make_case(
     texels: Mapping[str, Texels | None],
     frames: int | None = None,
     members: Sequence[SimulatedClip] = (),
+    turned: bool = True,
 ) -> Case:
     """The case of a clip whose garments are those of the outfit; see `open_case`.
 
-    members: other simulations of the clip and its garments.
+    members: other simulations of the clip and its garments. turned: as of a `Case`.
     """
     scored = slice(clip.warm_up, None if frames is None else clip.warm_up + frames)
     parts: list[Part] = []
@@ -197,7 +216,7 @@ def make_case(
     if len(parts) > 1:
         parts.append(_whole(parts, row))
     posed = posed_skin(outfit.body, transforms)
-    return Case(windows, clip, tuple(members), outfit, tuple(parts), clip.warm_up, transforms, posed)
+    return Case(windows, clip, tuple(members), outfit, tuple(parts), clip.warm_up, transforms, posed, turned)
 
 
 def _whole(parts: Sequence[Part], vertices: int) -> Part:

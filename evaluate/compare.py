@@ -153,6 +153,7 @@ def measured(
         "outfits": {name: {"garments": list(garments)} for name, garments in outfits.items()},
         "actions": list(dict.fromkeys(window.action for window in windows)),
         "windows": len(windows),
+        "people": sorted({window.subject for window in windows if window.subject}),
         "frames": sum(len(entry.scores["vertex_mean_mm"]) for entry in single),
         "fps": frame_rate(judged),
     }

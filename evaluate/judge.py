@@ -94,7 +94,7 @@ def judge(
         }
         for part in case.parts
     }
-    if live:
+    if live and case.turned:
         turned = continuity_scores(case, prepared, resolved)
         parts = {name: {**scores, **turned[name]} for name, scores in parts.items()}
     if live or spent_ms is not None:

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from rasterize.gather import gather
 from uvcloth.geometry.mesh import weld
-from uvcloth.physics.layers import wrong_side_percent
+from uvcloth.physics.layers import wrong_side_counts
 from uvcloth.physics.measures import acceleration_jitter, edge_change, fold_angle, fold_cosine
 from uvcloth.physics.self_intersection import crossing_edges_percent
 
@@ -179,16 +179,12 @@ def layer_scores(garments: Mapping[str, Tensor], faces: Mapping[str, Tensor]) ->
     """
     names = list(garments)
     garments = {name: each[sampled_frames(len(each))] for name, each in garments.items()}
-    return {
-        wrong_side_key(outer, inner): torch.tensor(
-            [
-                wrong_side_percent(over[None], under[None], faces[inner])
-                for over, under in zip(garments[outer], garments[inner], strict=True)
-            ]
-        )
+    counts = {
+        wrong_side_key(outer, inner): wrong_side_counts(garments[outer], garments[inner], faces[inner])
         for index, outer in enumerate(names)
         for inner in names[:index]
     }
+    return {key: 100.0 * each[:, 0] / each[:, 1].clamp(min=1) for key, each in counts.items()}
 
 
 def wrong_side_key(outer: str, inner: str) -> str:

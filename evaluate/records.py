@@ -46,6 +46,9 @@ JUDGING = (
 )
 """The sources in this folder that decide a score, besides those of rasterize and uvcloth."""
 
+DECIDING = ("*.py", "*.npz", "libuvcloth*")
+"""Files of rasterize and uvcloth that decide a score: sources, data, and the compiled runtime."""
+
 
 @dataclass(frozen=True)
 class Records:
@@ -95,7 +98,8 @@ class Records:
     def path(self, case: Case, entrant: Entrant | None) -> Path:
         """The file of a method on a case; None is the simulation."""
         name, content = (entrant.name, entrant.fingerprint) if entrant else (SIMULATION, "")
-        settings = (self.code, case.outfit.body.identity.whole, self.map_size, self.machine, content)
+        body = case.outfit.body.identity.whole
+        settings = (self.code, body, self.map_size, self.machine, content, case.turned)
         garments = [garment_fingerprint(garment) for garment in case.outfit.garments]
         contents = [
             content_hash(garment, clip.transforms)
@@ -122,7 +126,7 @@ def code_fingerprint() -> str:
     contents: list[str | bytes] = []
     for package in (rasterize, uvcloth):
         folder = Path(str(package.__file__)).parent
-        for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.npz")]):
+        for path in sorted(path for kind in DECIDING for path in folder.rglob(kind)):
             contents += [path.relative_to(folder.parent).as_posix(), path.read_bytes()]
     # In a checkout this folder lies beside the packages, once installed inside one of them.
     for path in (Path(__file__).with_name(name) for name in JUDGING):

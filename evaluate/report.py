@@ -13,6 +13,7 @@ from torch import Tensor
 from uvcloth.bodies.stream import BATCH
 from uvcloth.files.atomic import atomic_write
 
+from .answers import answers
 from .candidates import SIMULATION
 from .charts import DASH, bars, lines, mark, number, scatter
 from .continuity import TURNED_FRAMES
@@ -158,6 +159,7 @@ def write_report(
     page = environment.get_template("report.html").render(
         results=results,
         methods=list(results["methods"]),
+        answers=answers(results),
         cautions=cautions(results),
         static=[name for name, judged in results["methods"].items() if judged["static"]],
         garments=garments_in(results),

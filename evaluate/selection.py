@@ -103,6 +103,8 @@ def cases_on(body: Body, selection: Selection) -> Cases:
     garments = {name: others[name] if name in others else fit_template(name, body) for name in names}
     texels = {name: garment_map(garment, body, selection.map_size) for name, garment in garments.items()}
     outfits: dict[str, Outfit] = {}
+    # The scene of the first case of an outfit is also turned.
+    begun: set[str] = set()
     openers = []
     for case in simulated_together(windows):
         name = outfit_name([window.garment for window in case])
@@ -110,7 +112,8 @@ def cases_on(body: Body, selection: Selection) -> Cases:
             # As simulations of layers begin: garments that cross are untangled.
             worn = untangle([garments[window.garment] for window in case], body)
             outfits[name] = Outfit(body, worn.garments)
-        load = partial(open_case, case, outfits[name], texels, selection.frames)
+        load = partial(open_case, case, outfits[name], texels, selection.frames, turned=name not in begun)
+        begun.add(name)
         openers.append(Opener(name, case, load))
     return Cases(
         data, split, outfits, openers, people_in(data), find_missing(*query), selection.map_size, True
@@ -127,13 +130,14 @@ def _cases_of_outfits(selection: Selection) -> Cases:
         raise InputError(f"{data}: contains random outfits, --garment is not allowed")
     pairs = read_outfit_clips(data, (split,))
     outfits: dict[str, Outfit] = {}
-    openers = []
+    openers: list[Opener] = []
     for outfit, clip in pairs:
         if not selection.actions or clip.action in selection.actions:
             windows, typed, renamed = _by_type(data, outfit, clip)
             name = "+".join(window.path.stem for window in windows)
             outfits[name] = typed
-            load = partial(make_case, windows, renamed, typed, {}, selection.frames)
+            first = not openers
+            load = partial(make_case, windows, renamed, typed, {}, selection.frames, turned=first)
             openers.append(Opener(name, windows, load))
     if not openers:
         known = ", ".join(dict.fromkeys(clip.action for _, clip in pairs))

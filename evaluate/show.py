@@ -1,6 +1,6 @@
 """Animations and rendered pictures of the judged windows for the report."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +13,10 @@ from uvcloth.geometry.mesh import join_meshes
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
 
 from .case import outfit_name
+from .progress import progress
 from .report import Picture
 from .viewer import ViewerClip
+from .workers import Work
 
 MOMENTS = (0.3, 0.6, 0.9)
 """Shares of a window at which it is pictured."""
@@ -103,37 +105,72 @@ def method_color(methods: Sequence[str], name: str) -> Color:
     return METHOD_COLORS[methods.index(name) % len(METHOD_COLORS)]
 
 
-def pictures(shown: Sequence[Shown], methods: Sequence[str], tick: Callable[[], None]) -> Iterator[Picture]:
+@dataclass(frozen=True)
+class _Row:
+    """One moment of a case, the simulation and every method beside each other.
+
+    place: of the moment among those of all cases. body: (V, 3) m and its faces. garments: (N, 3) m, with the
+    faces (M, 3) of all, and their colours.
+    """
+
+    place: tuple[int, int]
+    body: Tensor
+    body_faces: Tensor
+    garments: tuple[Tensor, ...]
+    faces: Tensor
+    colors: tuple[Color, ...]
+
+    def run(self) -> tuple[tuple[int, int], list[np.ndarray]]:
+        """Draw it: the place, and a picture (h, w, 3) uint8 of each."""
+        skin = Surface(self.body, self.body_faces, BODY_COLOR)
+        camera = three_quarter(self.body)
+        return self.place, [
+            render([skin, Surface(each, self.faces, color)], camera, PICTURE_SIZE)
+            for each, color in zip(self.garments, self.colors, strict=True)
+        ]
+
+
+def pictures(shown: Sequence[Shown], methods: Sequence[str], work: Work) -> list[Picture]:
     """One picture per case: a row per moment, the simulation first, then every method.
 
-    methods: all that were judged on anything, in order. tick: called after each picture.
+    methods: all that were judged on anything, in order. work: draws the rows.
     """
-    for window in shown:
-        frames = [min(int(share * len(window.transforms)), len(window.transforms) - 1) for share in MOMENTS]
-        frames = list(dict.fromkeys(frames))
-        body = window.outfit.body
-        posed = posed_skin(body, window.transforms[frames])
-        colors = [SIMULATION_COLOR, *(method_color(methods, name) for name in list(window.meshes)[1:])]
-        images = [
-            render(
-                [
-                    Surface(skin_vertices, body.mesh.faces, BODY_COLOR),
-                    Surface(mesh[frame], window.faces, color),
-                ],
-                three_quarter(skin_vertices),
-                PICTURE_SIZE,
-            )
-            for frame, skin_vertices in zip(frames, posed, strict=True)
-            for mesh, color in zip(window.meshes.values(), colors, strict=True)
-        ]
+    rows = [row for number, window in enumerate(shown) for row in _rows(number, window, methods)]
+    with progress("Pictures", len(rows)) as tick:
+        drawn = {}
+        for place, images in work(rows):
+            drawn[place] = images
+            tick()
+    sheets = []
+    for number, window in enumerate(shown):
+        moments = _moments(window)
+        images = [image for moment in range(len(moments)) for image in drawn[number, moment]]
         names = ", ".join(window.meshes)
-        seconds = ", ".join(f"{frame / window.fps:.1f}" for frame in frames)
-        yield Picture(
+        seconds = ", ".join(f"{frame / window.fps:.1f}" for frame in moments)
+        caption = (
             f"{window.action}, {window.outfit_name}; from left to right: {names}; "
-            f"from top to bottom at {seconds} s",
-            png(contact_sheet(images, columns=len(window.meshes))),
+            f"from top to bottom at {seconds} s"
         )
-        tick()
+        sheets.append(Picture(caption, png(contact_sheet(images, columns=len(window.meshes)))))
+    return sheets
+
+
+def _moments(window: Shown) -> list[int]:
+    """Frames that are pictured."""
+    frames = [min(int(share * len(window.transforms)), len(window.transforms) - 1) for share in MOMENTS]
+    return list(dict.fromkeys(frames))
+
+
+def _rows(number: int, window: Shown, methods: Sequence[str]) -> Iterator[_Row]:
+    """The rows of a case with its number."""
+    frames, body = _moments(window), window.outfit.body
+    colors = (SIMULATION_COLOR, *(method_color(methods, name) for name in list(window.meshes)[1:]))
+    for moment, (frame, posed) in enumerate(
+        zip(frames, posed_skin(body, window.transforms[frames]), strict=True)
+    ):
+        # Copies: a row of a tensor would travel to another process with all of it.
+        garments = tuple(mesh[frame].clone() for mesh in window.meshes.values())
+        yield _Row((number, moment), posed.clone(), body.mesh.faces, garments, window.faces, colors)
 
 
 def png(image: np.ndarray) -> bytes:

@@ -21,6 +21,7 @@ from uvcloth.methods.method import Method
 if TYPE_CHECKING:
     from uvcloth.garments.proxy import ProxiedOutfit
     from uvcloth.physics.outfit_clearing import OutfitClearing
+    from uvcloth.physics.visibility import Onlooker
 
 LONGEST, TORN = 4.0, 0.01
 """A garment is torn when more than the share TORN of its edges is longer than LONGEST times its rest length.
@@ -370,6 +371,7 @@ class EdgeLimits:
         self.edges = [unique_edges(mesh.faces) for mesh in meshes]
         self.lengths = [edge_lengths(m.vertices, edges) for m, edges in zip(meshes, self.edges, strict=True)]
         self._faces = [outfit.body.mesh.faces, *(mesh.faces for mesh in meshes)]
+        self._onlooker: Onlooker | None = None
 
     def not_finite(self, garments: tuple[Tensor, ...]) -> dict[int, str]:
         """A message on each garment that is not finite, by its place in the outfit."""
@@ -398,7 +400,7 @@ class EdgeLimits:
 
         now: (E,) m of each garment (N, 3) m, as `measured` gives them.
         """
-        from uvcloth.physics.surface import Shell
+        from uvcloth.physics.shell import Shell
         from uvcloth.physics.visibility import Onlooker
 
         middles = []
@@ -411,5 +413,9 @@ class EdgeLimits:
         points = torch.cat(middles)
         if not len(points):
             return False
-        meshes = zip([body_vertices, *garments], self._faces, strict=True)
-        return bool(Onlooker([Shell(*mesh) for mesh in meshes]).sees(points).any())
+        meshes = [body_vertices, *garments]
+        if self._onlooker is None:
+            shells = tuple(Shell(*mesh) for mesh in zip(meshes, self._faces, strict=True))
+            self._onlooker = Onlooker(shells)
+        self._onlooker.update(meshes)
+        return self._onlooker.sees_any(points)

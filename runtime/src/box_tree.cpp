@@ -11,6 +11,9 @@ constexpr int DEPTH = 64;
 // Least size of a number that is divided by.
 constexpr float SMALLEST = 1e-12f;
 
+// Barycentric coordinate of a point beside a face that still belongs to it: no ray slips between two faces.
+constexpr float BESIDE = -1e-6f;
+
 // Builds the tree of some faces, halved at the middle along the widest axis; returns its first node.
 int build(BoxTree &tree, Array<Vec> centres, int leaf, int first, int last, int &count) {
     int node = count++;
@@ -54,7 +57,7 @@ UVC_INLINE void meet(const Rays &rays, int face, Vec a, Vec b, Vec c, Hits &hits
     LaneVec from = rays.start - repeat(a), q = cross(from, ab);
     Lanes share = 1.0f / volume, u = dot(from, p) * share, v = dot(rays.direction, q) * share;
     Lanes distance = dot(ac, q) * share;
-    LaneMask is_met = (absolute(volume) >= TINY) & (u >= 0.0f) & (v >= 0.0f) & (u + v <= 1.0f) &
+    LaneMask is_met = (absolute(volume) >= TINY) & (u >= BESIDE) & (v >= BESIDE) & (u + v <= 1.0f - BESIDE) &
                       (distance >= 0.0f) & (distance < hits.distance);
     hits.faces = is_met ? LaneMask{} + face : hits.faces;
     hits.distance = choose(is_met, distance, hits.distance);

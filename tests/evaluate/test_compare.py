@@ -16,7 +16,7 @@ import trimesh
 from torch import Tensor
 
 import evaluate.selection as selecting
-from evaluate import beside, records
+from evaluate import beside, records, workers
 from evaluate.__main__ import machine, main
 from evaluate.actions import find_windows
 from evaluate.candidates import Candidate, load_candidates
@@ -392,7 +392,7 @@ def test_a_method_is_judged_on_what_it_dresses(world: Path, shared: Path) -> Non
     assert results["methods"]["lbs"]["stability"].keys() == {"tops", "dress"}
     assert results["windows"] == 4
     assert {"for_one" in each.meshes for each in shown if each.outfit_name == "tops"} == {False}
-    drawn = list(pictures(shown, ["lbs", "for_one"], lambda: None))
+    drawn = pictures(shown, ["lbs", "for_one"], lambda jobs: (job.run() for job in jobs))
     assert "simulation, lbs;" in drawn[0].caption
     assert "simulation, lbs, for_one;" in drawn[1].caption
 
@@ -428,14 +428,15 @@ def test_processes_fill_the_records_that_are_compared(
     def here(work: Callable, count: int, doing: str) -> Any:
         return nullcontext(lambda jobs: (work(pickle.loads(pickle.dumps(job))) for job in jobs))
 
-    monkeypatch.setattr(beside, "pool", here)
+    monkeypatch.setattr(workers, "pool", here)
     request = beside.Request(Selection(world, map_size=16), ("lbs",), (), 1)
     comparison = beside.load_comparison(request)
     # Four windows, on each the method and the simulation.
     monkeypatch.setattr(beside, "WORTH_A_PROCESS", 3)
     assert [beside.processes(comparison, jobs) for jobs in (1, 9)] == [1, 2]
     kept = Records(tmp_path, MACHINE, 16)
-    beside.judge_beside(request, comparison, kept, 2)
+    with workers.workers(2) as work:
+        beside.judge_beside(request, comparison, kept, work)
     for name in ("judge", "judge_simulation"):
         monkeypatch.setattr(records, name, lambda *_: pytest.fail("judged again"))
     results, _ = compare(comparison.candidates, comparison.cases, kept)
@@ -551,6 +552,17 @@ def test_an_error_is_compared_with_the_spread_of_the_ensemble(world: Path, share
     assert jump["tops"]["spread_ratio_raw"] == pytest.approx((5.0 + 29**0.5) / 4, abs=1e-3)
     assert jump["dress"]["ensemble_mm"] is jump["dress"]["spread_ratio"] is None
     assert jump["tops"]["turned_max_mm"] < 0.01
+
+
+def test_an_ensemble_with_a_missing_member_is_refused(world: Path, tmp_path: Path) -> None:
+    """Member 1 of another window is there, so that this window's is missing; one that was refused is not."""
+    other, lacking = (world / "members" / "1" / f"{name}.npz" for name in ("12_01_tops", "02_04_tops"))
+    save_simulated(load_simulated(world / other.name), other)
+    with pytest.raises(InputError, match=r"members/1/02_04_tops\.npz: is missing, while others"):
+        run(world, tmp_path / "out", frames=1)
+    save_simulated(load_simulated(world / lacking.name), lacking.parent / "rejected" / lacking.name)
+    save_simulated(load_simulated(world / other.name), world / "members" / "2" / other.name)
+    assert run(world, tmp_path / "out", frames=1)["windows"] == 4
 
 
 def test_an_ensemble_member_of_another_motion_is_refused(world: Path, tmp_path: Path) -> None:

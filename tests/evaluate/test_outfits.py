@@ -136,7 +136,7 @@ def test_several_models_in_order_dress_an_outfit(data: Path, shared: Path) -> No
     assert f"{OUTFIT} lbs_smooth+lbs" in summary(results)
     clips = viewer_clips(shown)
     assert [clip.garment for clip in clips] == [OUTFIT, "dress"]
-    drawn = next(pictures(shown, list(results["methods"]), lambda: None))
+    (drawn, *_) = pictures(shown, list(results["methods"]), lambda jobs: (job.run() for job in jobs))
     assert OUTFIT in drawn.caption
     page = write_report(data.parent, results, clips, [drawn]).read_text()
     assert 'id="outfits"' in page

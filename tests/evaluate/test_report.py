@@ -127,6 +127,7 @@ def fake_results() -> dict[str, Any]:
         "actions": list(ACTIONS),
         "split": "test",
         "windows": 3,
+        "people": ["02", "12"],
         "missing": {},
         "frames": 300,
         "fps": 30.0,
@@ -377,7 +378,7 @@ def warned(tmp_path: Path, split: str, made_by: str) -> str:
         "12_01_tops": {"split": made_by, "same": "clip", "subject": "12", "clips": ("12_01",)},
     }
     page = " ".join(write_report(tmp_path, results, [], []).read_text().split())
-    return page[page.index("<section>") : page.index("<div class=")]
+    return page[page.index("</header>") : page.index("<div class=")]
 
 
 def test_page_warns_of_familiar_windows(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.physics.cloth_exposure import ClothExposure
 from uvcloth.physics.pressing import BENEATH, Pressing
-from uvcloth.physics.surface import Shell
+from uvcloth.physics.shell import Shell
 from uvcloth.physics.visibility import Onlooker
 
 SMALL, LARGE = 1.5, 1.51

@@ -14,7 +14,8 @@ from uvcloth.garments.places import hems
 from uvcloth.garments.placing import AXES, SEARCH_DISTANCE, ClothSample, lies_along, misfit
 from uvcloth.geometry.mesh import Mesh, boundary_edges, edge_groups, face_normals, unique_edges
 from uvcloth.motion.roles import joint_roles
-from uvcloth.physics.surface import BodySurface, Shell
+from uvcloth.physics.shell import Shell
+from uvcloth.physics.surface import BodySurface
 
 POINTS = 2000
 """Points over the cloth that are tested."""

@@ -14,8 +14,9 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import WeldedMesh, edge_lengths, neighbour_average, unique_edges, welded
+from uvcloth.physics.shell import Shell
 from uvcloth.physics.strain_limiter import StrainLimiter
-from uvcloth.physics.surface import BodySurface, Shell, SurfacePoints
+from uvcloth.physics.surface import BodySurface, SurfacePoints
 
 GAP = 0.003
 """Metres that layers at rest keep from each other, and the innermost from the skin."""

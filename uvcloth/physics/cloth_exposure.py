@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.mesh import Mesh, face_normals, join_meshes
+from uvcloth.geometry.mesh import Mesh, face_normals
 from uvcloth.physics.exposure import (
     COVER_DISTANCE,
     HIDING_DISTANCE,
@@ -17,7 +17,7 @@ from uvcloth.physics.exposure import (
     SurfaceSample,
     spread,
 )
-from uvcloth.physics.surface import Shell
+from uvcloth.physics.shell import Shell
 
 OUTFIT_POINTS = 12000
 """Points over the cloth of an outfit: about one in a square of 15 mm."""
@@ -55,12 +55,12 @@ class ClothExposure:
     def __init__(self, body: Body, garments: Sequence[Mesh]) -> None:
         """Find the points; garments: as they lie on the body at rest, the innermost first."""
         self._body = Shell(body.mesh.vertices, body.mesh.faces)
-        outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in garments)
-        self._cloth = Shell(outfit.vertices, outfit.faces)
+        self._cloth = Shell.joined(garments)
         areas = [float(face_normals(mesh.vertices, mesh.faces).norm(dim=1).sum()) for mesh in garments]
         self._covered, self._visible = [], 0
         for place, (mesh, area) in enumerate(zip(garments, areas, strict=True)):
             sample = spread(mesh.vertices, mesh.faces, math.ceil(OUTFIT_POINTS * area / sum(areas)))
+            sample = sample.subset(sample.in_tiles(mesh.vertices))
             self._visible += int(self._is_visible(*sample.oriented(mesh.vertices)).sum())
             if over := garments[place + 1 :]:
                 self._covered.append(_covered(sample, mesh, place, over))
@@ -88,8 +88,7 @@ class ClothExposure:
 
 def _covered(sample: SurfaceSample, mesh: Mesh, place: int, over: Sequence[Mesh]) -> _Covered:
     """Points of a garment at rest that others over it cover or cross."""
-    outer = join_meshes((each.vertices, each.faces) for each in over)
-    shell = Shell(outer.vertices, outer.faces)
+    shell = Shell.joined(over)
     points, normals = sample.oriented(mesh.vertices)
     front, leaves = shell.first_hit(points, normals, COVER_DISTANCE)
     back, enters = shell.first_hit(points, -normals, UNDER_SKIN_DISTANCE)

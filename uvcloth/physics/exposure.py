@@ -12,9 +12,11 @@ from torch import Tensor
 
 from rasterize.gather import gather
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.mesh import JoinedMesh, Mesh, face_normals, join_meshes
-from uvcloth.physics.surface import Shell
+from uvcloth.geometry.mesh import JoinedMesh, Mesh, face_normals
+from uvcloth.physics.shell import Shell
 from uvcloth.physics.visibility import Onlooker
+from uvcloth.player.opening import in_tiles
+from uvcloth.player.shell import sample
 
 CLOTH_POINTS = 3000
 """Points over the cloth of a garment."""
@@ -51,8 +53,15 @@ class SurfaceSample:
 
     def oriented(self, vertices: Tensor) -> tuple[Tensor, Tensor]:
         """Points and the unit normals of their faces, (P, 3) each, on posed vertices (V, 3) m."""
-        normals = torch.nn.functional.normalize(face_normals(vertices, self.corners), dim=1)
-        return self.points(vertices).float(), normals.float()
+        arrays = (vertices, self.corners.int(), self.barycentrics)
+        points, normals = sample(*(each.detach().cpu().numpy() for each in arrays))
+        return torch.from_numpy(points).to(vertices.device), torch.from_numpy(normals).to(vertices.device)
+
+    def in_tiles(self, vertices: Tensor) -> Tensor:
+        """Order (P,) of the points on vertices (V, 3) m in which neighbours lie together: rays from them are
+        faster.
+        """
+        return torch.from_numpy(in_tiles(self.points(vertices).float().numpy()))
 
     def subset(self, rows: Tensor) -> "SurfaceSample":
         """Subset of the points, by mask or index (K,)."""
@@ -105,12 +114,14 @@ class Exposure:
         everywhere = spread(body.mesh.vertices, body.mesh.faces, count)
         covered = _covered(self._cloth, self._body, everywhere, body.mesh.vertices)
         self.covered = everywhere.subset(covered)
+        self._order = self.covered.in_tiles(body.mesh.vertices)
+        self._followed = self.covered.subset(self._order)
         self._onlooker = Onlooker((self._cloth, self._body))
 
     def shown(self, garments: Sequence[Tensor], body_vertices: Tensor) -> ShownSkin:
         """Covered points of a posed body (V, 3) m that show through garments (N, 3) m."""
         self._cloth.update(torch.cat(list(garments)))
-        points, normals = self.covered.oriented(body_vertices)
+        points, normals = self._followed.oriented(body_vertices)
         depths, facing, faces, barycentrics = self._cloth.first_faces(points, -normals, UNDER_SKIN_DISTANCE)
         rows = torch.nonzero((depths < UNDER_SKIN_DISTANCE) & (facing < 0)).squeeze(1)
         if len(rows):
@@ -119,7 +130,8 @@ class Exposure:
             folds, _ = self._cloth.first_hit(points, above, HIDING_DISTANCE)
             limbs, _ = self._body.first_hit(points + RAY_START_HEIGHT * above, above, HIDING_DISTANCE)
             rows = rows[(folds >= HIDING_DISTANCE) & (limbs >= HIDING_DISTANCE)]
-        return ShownSkin(rows, *(values[rows] for values in (normals, depths, faces, barycentrics)))
+        there = (values[rows] for values in (normals, depths, faces, barycentrics))
+        return ShownSkin(self._order[rows], *there)
 
     def shows(self, garments: Sequence[Tensor], body_vertices: Tensor) -> Tensor:
         """Mask (P,) of the covered points that show, as of `shown`, and are seen from any side."""
@@ -135,17 +147,19 @@ class Exposure:
         return 100.0 * float(shows.float().mean()) if len(shows) else 0.0
 
 
+def middles(mesh: Mesh) -> SurfaceSample:
+    """The middles of a mesh's faces, in their order."""
+    return SurfaceSample(mesh.faces, mesh.vertices.new_full((len(mesh.faces), 3), 1 / 3))
+
+
 def covered_skin(body: Body, garments: Sequence[Mesh]) -> Tensor:
     """Mask (F,) of the body's faces whose middle garments cover at rest, as `Exposure` says."""
-    mesh = body.mesh
-    middles = SurfaceSample(mesh.faces, mesh.vertices.new_full((len(mesh.faces), 3), 1 / 3))
-    return _covered(*_shells(body, garments), middles, mesh.vertices)
+    return _covered(*_shells(body, garments), middles(body.mesh), body.mesh.vertices)
 
 
 def _shells(body: Body, garments: Sequence[Mesh | JoinedMesh]) -> tuple[Shell, Shell]:
     """The garments as one mesh, and the body, at rest."""
-    outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in garments)
-    return Shell(outfit.vertices, outfit.faces), Shell(body.mesh.vertices, body.mesh.faces)
+    return Shell.joined(garments), Shell(body.mesh.vertices, body.mesh.faces)
 
 
 def _covered(cloth: Shell, skin: Shell, sample: SurfaceSample, body_vertices: Tensor) -> Tensor:

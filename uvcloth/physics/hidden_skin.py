@@ -6,8 +6,9 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.mesh import Mesh, face_normals, join_meshes
-from uvcloth.physics.surface import Shell
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.physics.exposure import middles
+from uvcloth.physics.shell import Shell
 
 CLOSE = 0.06
 """Metres in front of the skin within which cloth hides it; under a skirt legs can be seen."""
@@ -24,11 +25,12 @@ class HiddenSkin:
 
     def __init__(self, body: Body, garments: Sequence[Mesh], hides: Sequence[Tensor] = ()) -> None:
         """Begin with garments at rest; hides: vertices (K,) of the body that garments hide in any pose."""
-        outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in garments)
-        self._cloth = Shell(outfit.vertices, outfit.faces)
+        self._cloth = Shell.joined(garments)
         self._faces = body.mesh.faces
         self._count = len(body.mesh.vertices)
-        self._covered = torch.ones(len(body.mesh.faces), dtype=torch.bool)
+        self._middles = middles(body.mesh)
+        # The rows of the faces that are left.
+        self._covered = self._middles.in_tiles(body.mesh.vertices)
         vertices = torch.zeros(len(body.mesh.vertices), dtype=torch.bool)
         for each in hides:
             vertices[each] = True
@@ -37,14 +39,14 @@ class HiddenSkin:
     def add(self, garments: Sequence[Tensor], body_vertices: Tensor) -> None:
         """Add a frame: garments (N, 3) m and the posed body (V, 3) m."""
         self._cloth.update(torch.cat(list(garments)))
-        normals = torch.nn.functional.normalize(face_normals(body_vertices, self._faces), dim=1)
-        starts = body_vertices[self._faces].mean(1) - UNDER * normals
-        distance, facing = self._cloth.first_hit(starts, normals, UNDER + CLOSE)
-        self._covered &= (distance < UNDER + CLOSE) & (facing > 0)
+        points, normals = self._middles.subset(self._covered).oriented(body_vertices)
+        distance, facing = self._cloth.first_hit(points - UNDER * normals, normals, UNDER + CLOSE)
+        self._covered = self._covered[(distance < UNDER + CLOSE) & (facing > 0)]
 
     def faces(self) -> Tensor:
         """Mask (F,) of the faces that are never seen, without a margin of MARGIN rings."""
-        hidden = self._covered
+        hidden = torch.zeros(len(self._faces), dtype=torch.bool)
+        hidden[self._covered] = True
         for _ in range(MARGIN):
             visible = torch.zeros(self._count, dtype=torch.bool)
             visible[self._faces[~hidden]] = True

@@ -197,33 +197,6 @@ def beside_sheet(
 
 
 @wp.kernel
-def first_hit(
-    share: int,
-    mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    reach: float,
-    distance: wp.array(dtype=float),
-    facing: wp.array(dtype=float),
-    face: wp.array(dtype=int),
-    barycentrics: wp.array(dtype=wp.vec3),
-):
-    """Find the first hit of a ray from each point on a mesh: its distance, FAR if not within reach.
-
-    facing: cosine between the unit direction and the normal of the face that is met, negative from outside.
-    """
-    i = share + wp.tid()
-    distance[i] = FAR
-    facing[i] = 0.0
-    hit = wp.mesh_query_ray(mesh, points[i], directions[i], reach)
-    if hit.result:
-        distance[i] = hit.t
-        facing[i] = wp.dot(hit.normal, directions[i])
-        face[i] = hit.face
-        barycentrics[i] = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
-
-
-@wp.kernel
 def project_edges(
     share: int,
     now: wp.array(dtype=wp.vec3),

@@ -98,11 +98,19 @@ def wrong_side_percent(outer: Tensor, inner: Tensor, faces: Tensor) -> float:
 
     outer: (F, N, 3), inner: (F, M, 3) m, over all frames; 0 if it covers none.
     """
+    wrong, covered = wrong_side_counts(outer, inner, faces).sum(0).tolist()
+    return float(100.0 * wrong / max(covered, 1))
+
+
+def wrong_side_counts(outer: Tensor, inner: Tensor, faces: Tensor) -> Tensor:
+    """Numbers of an outer garment's vertices in each frame, (F, 2) int64: those on the inner side of an inner
+    one, and all that it covers. outer: (F, N, 3), inner: (F, M, 3) m.
+    """
     layer = Layer(inner[0], faces)
-    covered = wrong = 0
-    for points, vertices in zip(outer, inner, strict=True):
+    counts = torch.empty(len(outer), 2, dtype=torch.int64)
+    for count, points, vertices in zip(counts, outer, inner, strict=True):
         layer.update(vertices)
         closest = layer.beside(points)
-        covered += int(closest.covered.sum())
-        wrong += int((closest.covered & (closest.distance < 0)).sum())
-    return 100.0 * wrong / max(covered, 1)
+        count[0] = (closest.covered & (closest.distance < 0)).sum()
+        count[1] = closest.covered.sum()
+    return counts

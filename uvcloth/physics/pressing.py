@@ -11,7 +11,7 @@ from torch import Tensor
 
 from uvcloth.geometry.mesh import Mesh, WeldedMesh, vertex_normals, welded
 from uvcloth.physics.exposure import COVER_DISTANCE
-from uvcloth.physics.surface import Shell
+from uvcloth.physics.shell import Shell
 
 BENEATH = 0.001
 """Metres beneath the faces of an outer garment at which points that come through it are left."""

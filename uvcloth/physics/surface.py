@@ -84,32 +84,3 @@ class BodySurface(MovingMeshes):
 
     def _input(self, values: Tensor) -> Tensor:
         return values.detach().to(device=self.device, dtype=torch.float32).contiguous()
-
-
-class Shell(MovingMeshes):
-    """Mesh for ray casting, closed or not: vertices (V, 3) metres, faces (F, 3)."""
-
-    def __init__(self, vertices: Tensor, faces: Tensor) -> None:
-        super().__init__(vertices, (faces,))
-        self._id = int(self.ids.numpy()[0])
-
-    def first_hit(self, points: Tensor, directions: Tensor, reach: float) -> tuple[Tensor, Tensor]:
-        """First hits of rays from points along unit directions, (P, 3) each.
-
-        Returns distances (P,) m, beyond the reach where nothing is within, and the cosines (P,) between ray
-        and normal there: negative from outside.
-        """
-        distance, facing, _, _ = self.first_faces(points, directions, reach)
-        return distance, facing
-
-    def first_faces(
-        self, points: Tensor, directions: Tensor, reach: float
-    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """First hits as of `first_hit`, with the faces (P,) int64 that are met, and barycentrics (P, 3)."""
-        distance, facing = torch.empty_like(points[:, 0]), torch.empty_like(points[:, 0])
-        faces = torch.zeros(len(points), dtype=torch.int32, device=points.device)
-        barycentrics = torch.zeros_like(points)
-        query = map(array, (points.contiguous(), directions.contiguous()))
-        outputs = map(array, (distance, facing, faces, barycentrics))
-        launch(kernels.first_hit, len(points), self.device, self._id, *query, reach, *outputs)
-        return distance, facing, faces.long(), barycentrics

@@ -25,11 +25,18 @@ def read_outfit(owner: object, content: bytes, read: str, free: str, *sizes: int
 
     Raises ValueError with the runtime's sentence if the sections are damaged or do not fit together.
     """
-    function = getattr(library(), read)
+    return make_handle(owner, read, free, content, ctypes.c_size_t(len(content)), *sizes)
+
+
+def make_handle(owner: object, make: str, free: str, *arguments: Any) -> ctypes.c_void_p:
+    """Make an object by a function of the runtime with some arguments; it is freed with its owner.
+
+    Raises ValueError with the runtime's sentence if the arguments do not fit together.
+    """
+    function = getattr(library(), make)
     function.restype = ctypes.c_void_p
     message = ctypes.create_string_buffer(MESSAGE_ROOM)
-    size, room = ctypes.c_size_t(len(content)), ctypes.c_size_t(MESSAGE_ROOM)
-    handle = function(content, size, *sizes, message, room)
+    handle = function(*arguments, message, ctypes.c_size_t(MESSAGE_ROOM))
     if not handle:
         raise ValueError(message.value.decode())
     weakref.finalize(owner, getattr(library(), free), ctypes.c_void_p(handle))
