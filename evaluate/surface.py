@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array, diags_array, tril
+from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 from torch import Tensor
 
 from uvcloth.geometry.mesh import WeldedMesh, face_normals, welded
-from uvcloth.player.sparse_factors import SparseFactors
 
 Solve = Callable[[NDArray[Any]], NDArray[Any]]
 """Solution (n, C) of a sparse system with right-hand sides (n, C)."""
@@ -94,19 +93,14 @@ def make_surface(rest: Tensor, faces: Tensor) -> Surface:
 
 
 def _solver(matrix: Any) -> Solve:
-    """Solve with a sparse symmetric matrix, whose order keeps the factors small.
-
-    It has to be definite, or complex with a definite real or imaginary part, so that it needs no pivoting.
-    """
-    factored = splu(
+    """Solve with a sparse symmetric matrix, whose order keeps the factors small."""
+    solve: Solve = splu(
         matrix.tocsc(),
         permc_spec="MMD_AT_PLUS_A",
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
-    )
-    lower, order = tril(factored.L, -1, format="csc"), np.argsort(factored.perm_c)
-    factors = SparseFactors(lower.indptr, lower.indices, lower.data, factored.U.diagonal())
-    return lambda columns: factors.solve(columns[order])[factored.perm_c]
+    ).solve
+    return solve
 
 
 def _columns(field: Tensor) -> NDArray[np.float64]:

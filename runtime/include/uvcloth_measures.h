@@ -1,4 +1,4 @@
-/* Measures of cloth: the faces that rays meet, and sparse systems over a surface. */
+/* Measures of cloth: the faces that rays meet, and points on faces. */
 #ifndef UVCLOTH_MEASURES_H
 #define UVCLOTH_MEASURES_H
 
@@ -32,18 +32,6 @@ UVC_API void uvc_first_hits(const uvc_shell *shell, const float *starts, const f
  * and the unit normals (P, 3) of these faces. All faces have to have their corners among the vertices. */
 UVC_API void uvc_sample(const float *vertices, const int32_t *faces, const float *weights, int count,
                         float *points, float *normals);
-
-/* Factors L D L^T of a sparse symmetric matrix (n, n). Below the diagonal of L, which is 1, column k has
- * `values` in `rows`, from starts[k] to, not including, starts[k + 1]. pivots: (n), the diagonal D. parts: 1 for real
- * numbers, 2 for complex ones, which are pairs of numbers here. */
-typedef struct uvc_factors {
-    const int32_t *starts, *rows;
-    const double *values, *pivots;
-    int32_t size, parts;
-} uvc_factors;
-
-/* Solves L D L^T x = b for columns (n, parts, count), row by row, in place. */
-UVC_API void uvc_solve_columns(const uvc_factors *factors, double *columns, int count);
 
 #ifdef __cplusplus
 }
