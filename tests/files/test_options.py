@@ -14,6 +14,7 @@ from tests.fuzz.line_targets import CLIP, LINES, of
 from tests.test_cli import HEAVY
 from train.__main__ import main as train
 from uvcloth import cli
+from uvcloth.commands.page import Page
 from uvcloth.errors import InputError
 from uvcloth.files.options import SHOWN, check_options
 
@@ -112,6 +113,18 @@ def test_ranges_include_their_ends() -> None:
         cli.parse(("view", "--port", "65536"))
     assert cli.parse(("simulate", "walk", "--out", "x", "--scheduler", "tcp://127.0.0.1:8786"))
     assert cli.parse((*ROLLOUT, "--out", "new/folder/x.GLB", "--device", "cuda:1", "--frames", "-9:"))
+
+
+def test_a_page_in_one_file_may_be_written_again_and_a_file_is_no_folder(tmp_path: Path) -> None:
+    page, folder, other = (tmp_path / name for name in ("page.html", "folder.html", "page.txt"))
+    page.touch()
+    other.touch()
+    folder.mkdir()
+    check_options(Page(page))
+    check_options(Page(tmp_path))
+    for out, match in ((folder, "is a folder"), (other, "is a file")):
+        with pytest.raises(InputError, match=match):
+            check_options(Page(out))
 
 
 def test_a_refusal_imports_nothing_heavy() -> None:

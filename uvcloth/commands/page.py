@@ -13,7 +13,7 @@ from uvcloth.files.options import NewFolder, Source
 class Page:
     """Write a web page on which clothes move without a server: a folder for any host, or one file."""
 
-    out: Annotated[Path, NewFolder()]
+    out: Annotated[Path, NewFolder(or_file=".html")]
     """Folder to write, or, where it ends in .html, one file that a double click opens."""
     file: Positional[
         Annotated[

@@ -172,12 +172,15 @@ class NewFile:
 
 @dataclass(frozen=True)
 class NewFolder:
-    """A folder to write to, which is made if need be."""
+    """A folder to write to, which is made if need be. or_file: suffix of a file that may be written instead."""
 
     of_list: ClassVar[bool] = False
+    or_file: str = ""
 
     def refusal(self, value: Path) -> str:
         """See Rule."""
+        if self.or_file and value.suffix.lower() == self.or_file:
+            return NewFile((self.or_file,)).refusal(value)
         return _folder_refusal(value)
 
 
