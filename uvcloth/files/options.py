@@ -172,7 +172,7 @@ class NewFile:
 
 @dataclass(frozen=True)
 class NewFolder:
-    """A folder to write to, which is made if need be. or_file: suffix of a file that may be written instead."""
+    """A folder to write to, made if need be. or_file: suffix of a file that may be written instead."""
 
     of_list: ClassVar[bool] = False
     or_file: str = ""
