@@ -168,9 +168,10 @@ def _member_files(paths: Sequence[Path]) -> list[list[Path]]:
     folders = [member_folder(paths[0].parent, member) for member in range(1, MEMBERS)]
     files = [[folder / path.name for path in paths] for folder in folders if folder.is_dir()]
     lacking = [path for member in files for path in member if not is_finished(path)]
-    if len(lacking) < sum(map(len, files)):
-        for path in lacking:
-            raise InputError(f"{path}: is missing, while others of this ensemble are there: simulate it too")
+    if 0 < len(lacking) < sum(map(len, files)):
+        raise InputError(
+            f"{lacking[0]}: is missing, while others of this ensemble are there: simulate it too"
+        )
     return [member for member in files if all(map(Path.is_file, member))]
 
 

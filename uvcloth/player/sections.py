@@ -38,8 +38,8 @@ def pack(
     """Write arrays (R,) or (R, C) of real numbers to bytes, floats as float32 and all others as int32.
 
     steps: by the names of arrays of floats, of which their numbers become multiples. compressed: for a file,
-    with entropy-coded numbers, which take ten times as long to write. Raises ValueError for a name, a shape,
-    or a number that the format has no place for.
+    with entropy-coded numbers: a quarter of the size for a dress, and slower to write and read. Raises
+    ValueError for a name, a shape, or a number that the format has no place for.
     """
     entries, data = bytearray(), bytearray()
     begin = _HEADER.size + _CHECKED.size + _ENTRY.size * len(arrays)
