@@ -85,6 +85,7 @@ def load_motion(
     rest_frame: int | None = None,
     frames: str | None = None,
     in_place: bool = False,
+    clear_arms: bool = True,
     name: str = "motion",
 ) -> Clip:
     """Load a motion onto a body: from a file, by the name of a built-in clip, or from joint transforms.
@@ -96,7 +97,8 @@ def load_motion(
     fps: frames per second, 1 to 1000: those of an array, or those that a file is brought to. frames: "A:B",
     the frames A to B - 1 at that rate, None for all. in_place: the hips stay over one spot. Of a file only:
     up, the axis that points up; joints, a JSON file that says which joint plays which role; animation, the
-    name or number of one in a glTF or FBX file; rest_frame, the frame in which the person stands straight.
+    name or number of one in a glTF or FBX file; rest_frame, the frame in which the person stands straight;
+    clear_arms, that forearms and hands are kept out of the torso.
     name: of an array's motion, for messages.
 
     Raises InputError naming the file for one that cannot be read or understood and a motion that no person
@@ -106,7 +108,7 @@ def load_motion(
     if up not in (None, "y", "z"):
         raise InputError(f"--up {up}: expected y or z")
     roles = None if joints is None else Path(joints)
-    options = MotionOptions(up, roles, animation, rest_frame, fps, frames, in_place)
+    options = MotionOptions(up, roles, animation, rest_frame, fps, frames, in_place, clear_arms)
     if isinstance(motion, str | PathLike):
         return load_clip(str(motion), body, options)
     if up or joints or animation or rest_frame is not None:

@@ -62,7 +62,7 @@ def hands_inside(body: Body, transforms: torch.Tensor) -> list[bool]:
 def test_a_swinging_arm_does_not_begin_in_the_torso(body: Body) -> None:
     clip = load_clip("spin", body).window(54, 20)
     led = lead_in(clip, body, PARTS)
-    straight = torch.cat([_rotations(clip, PARTS, PARTS.ramp), clip.rotations])
+    straight = torch.cat([_rotations(clip, PARTS), clip.rotations])
     inside = replace(led, rotations=straight).transforms()[:41]
     depth = arm_depth(body, inside)
     assert float(depth.max()) > 0.05
@@ -77,7 +77,7 @@ def test_a_swinging_arm_does_not_begin_in_the_torso(body: Body) -> None:
 def test_arms_that_stay_outside_go_straight(body: Body) -> None:
     clip = load_clip("run", body).window(0, 2)
     led = lead_in(clip, body, PARTS)
-    assert torch.equal(led.rotations[: len(PARTS)], _rotations(clip, PARTS, PARTS.ramp))
+    assert torch.equal(led.rotations[: len(PARTS)], _rotations(clip, PARTS))
     arms = arm_depth(body, led.transforms())
     assert arms.shape == (42, 2)
     assert float(arms[0].max()) < -0.2

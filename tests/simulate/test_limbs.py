@@ -51,6 +51,14 @@ def test_cuffs_over_ankles_and_wrists_count(body: Body) -> None:
         assert left(body, *cuff, torch.zeros(3), torch.tensor([0.0, 0.4, 0.0])) == 50.0
 
 
+def test_a_sleeve_may_be_swung_over_the_hand_and_a_trouser_leg_not_off_the_foot(body: Body) -> None:
+    for before, last, percent in (("RightForeArm", "RightHand", 0.0), ("LeftLeg", "LeftFoot", 50.0)):
+        start, end = heads(body, before, last)
+        cuff = tube(start + 0.5 * (end - start), end, 0.1)
+        along = torch.nn.functional.normalize(end - start, dim=0)
+        assert left(body, *cuff, torch.zeros(3), 0.15 * along) == percent
+
+
 def test_a_hem_that_both_legs_pass_is_no_cuff(body: Body) -> None:
     knees = torch.stack(heads(body, "LeftLeg", "RightLeg")).mean(0)
     skirt = tube(knees + torch.tensor([0.0, 0.0, 0.2]), knees, 0.3)

@@ -202,6 +202,17 @@ def compact(parts: Sequence[Tensor]) -> tuple[Tensor, list[NDArray]]:
     return torch.cat(used), faces
 
 
+@once_per_body
+def part_alone(body: Body, part: int) -> tuple[Tensor, Collider]:
+    """One of COLLIDER_PARTS as a collider of its own, for uses of many poses of that part alone.
+
+    Returns its vertices (K,) int64 among the body's, and the closed part, into those K.
+    """
+    faces = make_collider(body).parts[part]
+    kept, corners = faces[(faces < len(body.mesh.vertices)).all(1)].unique(return_inverse=True)
+    return kept, _closed([corners], len(kept))
+
+
 def collider_near(body: Body, points: Tensor, reach: float) -> tuple[Tensor, Collider]:
     """Collider of the body's faces within reach, m, of points (N, 3) m at rest, as one closed part.
 

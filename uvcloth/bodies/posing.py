@@ -11,15 +11,20 @@ POSED_AT_ONCE = 64
 """Frames whose pose shapes are added at once: each needs a rest mesh of its own."""
 
 
-def posed_skin(body: Body, transforms: Tensor) -> Tensor:
+def posed_skin(body: Body, transforms: Tensor, used: Tensor | None = None) -> Tensor:
     """Vertices (B, V, 3) m of a body posed by joint transforms (B, J, 3, 4), on their device.
 
     Linear blend skinning of the rest mesh, after the offsets of pose shapes are added if the body has them.
+    used: indices of the vertices to pose, by default all.
     """
-    vertices, weights = body.mesh.vertices.to(transforms), body.weights.to(transforms)
-    if body.pose_shapes is None:
+    vertices, weights, shapes = body.mesh.vertices, body.weights, body.pose_shapes
+    if used is not None:
+        vertices, weights = vertices[used], weights[used]
+        shapes = None if shapes is None else shapes[:, used]
+    vertices, weights = vertices.to(transforms), weights.to(transforms)
+    if shapes is None:
         return skin(vertices, weights, transforms)
-    shapes = body.pose_shapes.to(transforms)
+    shapes = shapes.to(transforms)
     posed = [
         apply_transforms(
             blend_transforms(weights, some), vertices + _corrections(shapes, body.skeleton.parents, some)

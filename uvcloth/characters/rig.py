@@ -163,7 +163,7 @@ def _complete(known: Mapping[int, Tensor], pattern: Body, ours: Mapping[str, int
             known[shoulder] = known[arm] + size * (usual[shoulder] - usual[arm])
         before, after = usual[hand] - usual[forearm], known[hand] - known[forearm]
         turn = smallest_rotation(unit(before), unit(after)) * (after.norm() / before.norm())
-        for joint in _below(parents, hand):
+        for joint in pattern.skeleton.branch(hand)[1:]:
             known.setdefault(joint, known[hand] + turn @ (usual[joint] - usual[hand]))
         shin, foot, toes = (ours[f"{side}_{part}"] for part in ("shin", "foot", "toes"))
         size = float((known[foot] - known[shin]).norm() / (usual[foot] - usual[shin]).norm())
@@ -242,12 +242,3 @@ def _posed(part: Part, turn: Tensor, owner: Tensor, joints: int, transforms: Ten
 def _transform_each(points: Tensor, transforms: Tensor) -> Tensor:
     """Points (J, 3), each moved by its own transform (J, 3, 4)."""
     return (transforms[..., :3] @ points[..., None]).squeeze(-1) + transforms[..., 3]
-
-
-def _below(parents: tuple[int, ...], root: int) -> list[int]:
-    """Joints below one, in order."""
-    below = {root}
-    for joint, parent in enumerate(parents):
-        if parent in below:
-            below.add(joint)
-    return sorted(below - {root})

@@ -46,7 +46,7 @@ def describe(command: Motion) -> None:
     source = load_source(motion, body, options)
     _print(console, [f"rest pose: {source.rest.origin}; up: {source.rest.up}; {_unit(source, body)}"])
     try:
-        clip = motion_on_body(source, body, options.fps)
+        clip = motion_on_body(source, body, options)
         _, frames = options.window(len(clip))
         write_png(out, stick_sheet(source, clip))
         colors = "the file's in grey, the body's over it, left blue, right red"

@@ -27,6 +27,14 @@ class Skeleton:
     parents: tuple[int, ...]
     heads: Tensor
 
+    def branch(self, joint: int) -> list[int]:
+        """A joint and all joints below it, in their order."""
+        below = {joint}
+        for child, parent in enumerate(self.parents):
+            if parent in below:
+                below.add(child)
+        return sorted(below)
+
 
 def check_joints(path: Path, names: Sequence[str]) -> None:
     """Raise InputError naming the file of a skeleton of more than MOST_JOINTS, or with a name longer than

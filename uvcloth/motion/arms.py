@@ -1,12 +1,13 @@
 """Depth of the bones of forearms and hands in the torso."""
 
 import math
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import TORSO_PART, make_collider
+from uvcloth.bodies.collider import TORSO_PART, part_alone
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.motion.roles import joint_roles
@@ -20,31 +21,62 @@ HAND_SHARES = (0.6, 1.2, 1.8)
 POINTS_AT_ONCE = 32
 """Points that are compared with all triangles of the torso at once."""
 
+FRAMES_AT_ONCE = 256
+"""Frames whose torsos are posed at once."""
+
+
+@dataclass(frozen=True)
+class PosedTorso:
+    """Torso of a body in F frames, closed where limbs and neck begin.
+
+    vertices: (F, N, 3) m. normals: (F, N, 3), unit. faces: (M, 3).
+    """
+
+    vertices: Tensor
+    normals: Tensor
+    faces: Tensor
+
+    def frames(self, indices: Tensor) -> "PosedTorso":
+        """The torso in some of its frames, (K,) indices."""
+        return PosedTorso(self.vertices[indices], self.normals[indices], self.faces)
+
+    def depths(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Depths (F, P) m of points (F, P, 3), negative outside, and unit directions (F, P, 3) outwards.
+
+        Both are by the nearest vertex.
+        """
+        distance, nearest = torch.cdist(points, self.vertices).min(-1)
+        at = nearest[..., None].expand(-1, -1, 3)
+        way, normal = points - self.vertices.gather(1, at), self.normals.gather(1, at)
+        inside = torch.zeros_like(distance, dtype=torch.bool)
+        # At folds, the nearest vertex's normal can mistake outside for inside: the winding number decides.
+        for doubtful in ((way * normal).sum(-1) < 0).nonzero().split(POINTS_AT_ONCE):
+            frame, point = doubtful.unbind(1)
+            inside[frame, point] = winds_around(self.vertices[frame][:, self.faces], points[frame, point])
+        sign = torch.where(inside, -1.0, 1.0)
+        outwards = sign[..., None] * way / distance.clamp(min=1e-9)[..., None]
+        return -sign * distance, outwards
+
+
+def posed_torso(body: Body, transforms: Tensor) -> PosedTorso:
+    """Torso of a body posed by joint transforms (F, J, 3, 4)."""
+    used, collider = part_alone(body, TORSO_PART)
+    faces = collider.parts[0]
+    vertices = collider.vertices(posed_skin(body, transforms, used))
+    return PosedTorso(vertices, vertex_normals(vertices, faces), faces)
+
 
 def arm_depth(body: Body, transforms: Tensor) -> Tensor:
     """Metres by which each arm's bones are inside the torso, at the deepest place; negative outside.
 
-    transforms: (F, J, 3, 4) of the body. Returns (F, A) for the A arms that have forearm, hand and fingers;
-    distances are to the nearest vertex of the torso's skin, which is closed where limbs and neck begin.
+    transforms: (F, J, 3, 4) of the body. Returns (F, A) for the A arms that have forearm, hand and fingers.
     """
-    collider = make_collider(body)
-    used, faces = collider.parts[TORSO_PART].unique(return_inverse=True)
-    arms = [places for side in ("left", "right") if (places := _places(body, transforms, side)) is not None]
-    if not arms or not len(faces):
-        return transforms.new_zeros(len(transforms), 0)
-    torso = collider.vertices(posed_skin(body, transforms))[:, used]
-    normals = vertex_normals(torso, faces)
-    places = torch.cat(arms, dim=1)
-    distance, nearest = torch.cdist(places, torso).min(-1)
-    at = nearest[..., None].expand(-1, -1, 3)
-    outwards = ((places - torso.gather(1, at)) * normals.gather(1, at)).sum(-1)
-    depth = -distance
-    # At folds, the nearest vertex's normal can mistake outside for inside: the winding number decides.
-    for at in (outwards < 0).nonzero().split(POINTS_AT_ONCE):
-        frame, place = at.unbind(1)
-        around = winds_around(torso[frame][:, faces], places[frame, place])
-        depth[frame, place] *= torch.where(around, -1.0, 1.0)
-    return depth.unflatten(1, (len(arms), -1)).amax(2)
+    depths = [
+        posed_torso(body, some).depths(places.flatten(1, 2))[0].unflatten(1, places.shape[1:3]).amax(2)
+        for some in transforms.split(FRAMES_AT_ONCE)
+        if (places := arm_places(body, some)).numel()
+    ]
+    return torch.cat(depths) if depths else transforms.new_zeros(len(transforms), 0)
 
 
 def winds_around(corners: Tensor, points: Tensor) -> Tensor:
@@ -59,16 +91,26 @@ def winds_around(corners: Tensor, points: Tensor) -> Tensor:
     return torch.atan2(volume, far_a * far_b * far_c + products).sum(1) > math.pi
 
 
-def _places(body: Body, transforms: Tensor, side: str) -> Tensor | None:
-    """Places (F, P, 3) m along the forearm and hand of a side, None if the skeleton lacks them."""
-    roles, heads = joint_roles(body.skeleton.names), body.skeleton.heads
-    needed = [f"{side}_{part}" for part in ("forearm", "hand", "fingers")]
-    if not all(role in roles for role in needed):
-        return None
-    forearm, hand, fingers = (roles[role] for role in needed)
-    places = []
-    for start, end, shares in ((forearm, hand, FOREARM_SHARES), (hand, fingers, HAND_SHARES)):
-        rest = torch.lerp(heads[start], heads[end], torch.tensor(shares)[:, None])
-        posed = transforms[:, start]
-        places.append(rest @ posed[..., :3].mT + posed[:, None, :, 3])
-    return torch.cat(places, dim=1)
+def arm_joints(body: Body) -> list[tuple[int, int, int, int]]:
+    """Joints of upper arm, forearm, hand and fingers of each arm that has them all, left before right."""
+    roles = joint_roles(body.skeleton.names)
+    names = ("upper_arm", "forearm", "hand", "fingers")
+    arms = ([roles.get(f"{side}_{name}", -1) for name in names] for side in ("left", "right"))
+    return [
+        (upper, lower, hand, tip) for upper, lower, hand, tip in arms if min(upper, lower, hand, tip) >= 0
+    ]
+
+
+def arm_places(body: Body, transforms: Tensor) -> Tensor:
+    """Places (F, A, P, 3) m along the forearm and hand of each of `arm_joints`, posed by (F, J, 3, 4)."""
+    heads, arms = body.skeleton.heads, []
+    if not len(part_alone(body, TORSO_PART)[0]):
+        return transforms.new_zeros(len(transforms), 0, 0, 3)
+    for _, forearm, hand, fingers in arm_joints(body):
+        places = []
+        for start, end, shares in ((forearm, hand, FOREARM_SHARES), (hand, fingers, HAND_SHARES)):
+            rest = torch.lerp(heads[start], heads[end], torch.tensor(shares)[:, None]).to(transforms)
+            posed = transforms[:, start]
+            places.append(rest @ posed[..., :3].mT + posed[:, None, :, 3])
+        arms.append(torch.cat(places, dim=1))
+    return torch.stack(arms, dim=1) if arms else transforms.new_zeros(len(transforms), 0, 0, 3)

@@ -7,18 +7,12 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.rotations import from_axis_angles, heading, to_axis_angles
-from uvcloth.motion.arms import arm_depth
+from uvcloth.motion.arm_clearance import clear_arms
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.join import fading
 
 HELD_FRAMES = 18
 """Frames for which a pose is held after the ramp, in which the body stands in it as well."""
-
-TURNING_SHARES = (1.0, 0.67, 0.42, 0.25, 0.0)
-"""Shares of the ramp, counted from its end, in which joints turn, in the order tried."""
-
-ARM_CLEARANCE = 0.02
-"""Metres that bones of forearms and hands keep from the torso's skin if joints turn in fewer frames."""
 
 
 @dataclass(frozen=True)
@@ -38,22 +32,20 @@ def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
 
     The body stands at rest under its first position, facing its first heading. It blends smoothly into the
     first pose, moved back along the first frame's velocity, and reaches that velocity as the clip begins.
-
-    Moved back, a swinging arm may be inside the torso, where its sleeve comes off. If bones of a forearm or
-    hand get inside, joints turn only in the last frames of the ramp: in the largest of TURNING_SHARES that
-    keeps ARM_CLEARANCE, or the clearance of the clip's first frame if that is less. If none does, the share
-    with the least depth is taken.
+    Moved back, a swinging arm may get into the torso, where its sleeve comes off: `clear_arms` turns it out.
     """
-    translation = _translation(clip, body, parts)
-    tried: list[tuple[float, Tensor]] = []
-    for share in TURNING_SHARES:
-        rotations = _rotations(clip, parts, max(1, round(share * parts.ramp)))
-        depth = _depth(_joined(rotations, translation, clip.window(0, 1)), body)
-        allowed = depth[-1].clamp(min=-ARM_CLEARANCE if tried else 0.0)
-        if (depth[:-1] <= allowed).all():
-            return _joined(rotations, translation, clip)
-        tried.append((float(depth[:-1].max()), rotations))
-    return _joined(min(tried, key=lambda each: each[0])[1], translation, clip)
+    begin = clip.window(0, 2)
+    straight = replace(
+        begin,
+        rotations=torch.cat([_rotations(clip, parts), begin.rotations]),
+        translation=torch.cat([_translation(clip, body, parts), begin.translation]),
+    )
+    cleared = clear_arms(straight, body, held=len(begin)).window(0, len(parts))
+    return replace(
+        clip,
+        rotations=torch.cat([cleared.rotations, clip.rotations]),
+        translation=torch.cat([cleared.translation, clip.translation]),
+    )
 
 
 def pose_from_rest(clip: Clip, body: Body) -> Clip:
@@ -65,11 +57,11 @@ def pose_from_rest(clip: Clip, body: Body) -> Clip:
     return replace(posed, rotations=posed.rotations[held], translation=posed.translation[held])
 
 
-def _rotations(clip: Clip, parts: LeadIn, turning: int) -> Tensor:
-    """Rotations (len(parts), J, 3, 3); turning: frames of the ramp in which joints turn."""
+def _rotations(clip: Clip, parts: LeadIn) -> Tensor:
+    """Rotations (len(parts), J, 3, 3)."""
     first, second = clip.rotations[0], clip.rotations[min(1, len(clip) - 1)]
     spin = to_axis_angles(second @ first.transpose(-1, -2))
-    ramp = from_axis_angles(-_back(parts, turning)[:, None, None] * spin) @ first
+    ramp = from_axis_angles(-_back(parts)[:, None, None] * spin) @ first
     facing = heading(clip.rotations[0, 0])
     turn = to_axis_angles(facing.transpose(-1, -2) @ ramp[0])
     blend = facing @ from_axis_angles(fading(parts.blend)[:, None, None] * turn)
@@ -79,29 +71,14 @@ def _rotations(clip: Clip, parts: LeadIn, turning: int) -> Tensor:
 def _translation(clip: Clip, body: Body, parts: LeadIn) -> Tensor:
     """Path (len(parts), 3) m of the root."""
     drift = clip.translation[min(1, len(clip) - 1)] - clip.translation[0]
-    ramp = clip.translation[0] - _back(parts, parts.ramp)[:, None] * drift
+    ramp = clip.translation[0] - _back(parts)[:, None] * drift
     height = float(clip.skeleton.heads[0, 2] - body.mesh.vertices[:, 2].min())
     start = torch.cat([ramp[0, :2], torch.tensor([height])])
     blend = start + fading(parts.blend)[:, None] * (ramp[0] - start)
     return torch.cat([start.expand(parts.rest, 3), blend, ramp])
 
 
-def _back(parts: LeadIn, last: int) -> Tensor:
-    """Frames (parts.ramp,) of motion by which the ramp is behind the clip, if only the `last` ones move."""
-    u = (torch.arange(parts.ramp, 0, -1).float() / last).clamp(max=1.0)
-    return last * (u - u**3 + 0.5 * u**4)
-
-
-def _joined(rotations: Tensor, translation: Tensor, clip: Clip) -> Clip:
-    """The clip with frames in front of it."""
-    return replace(
-        clip,
-        rotations=torch.cat([rotations, clip.rotations]),
-        translation=torch.cat([translation, clip.translation]),
-    )
-
-
-def _depth(motion: Clip, body: Body) -> Tensor:
-    """Arm depth (F, A) m as of `arm_depth`, computed near the origin for precision."""
-    near = replace(motion, translation=motion.translation - motion.translation[:1])
-    return arm_depth(body, near.transforms())
+def _back(parts: LeadIn) -> Tensor:
+    """Frames (parts.ramp,) of motion by which the ramp is behind the clip."""
+    u = torch.arange(parts.ramp, 0, -1).float() / parts.ramp
+    return parts.ramp * (u - u**3 + 0.5 * u**4)

@@ -17,6 +17,7 @@ from uvcloth.formats.gltf import SCENES
 from uvcloth.geometry.rotations import are_unit, from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton, in_order
 from uvcloth.motion.amass import carried_over, fits_unchanged, is_amass, read_amass
+from uvcloth.motion.arm_clearance import clear_arms
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.gltf import read_gltf_motion
@@ -74,7 +75,7 @@ def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEF
     """
     source = load_source(path_or_name, body, options)
     try:
-        clip = motion_on_body(source, body, options.fps)
+        clip = motion_on_body(source, body, options)
         check_posture(clip, lying=options.up is not None)
         return wanted_part(clip, options)
     except InputError as error:
@@ -107,11 +108,14 @@ def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = D
         raise InputError(f"{path_or_name}: {error}") from error
 
 
-def motion_on_body(source: MotionSource, body: Body, fps: float) -> Clip:
-    """Put a motion on a body: unchanged rotations for AMASS on an SMPL body, retargeted otherwise."""
+def motion_on_body(source: MotionSource, body: Body, options: MotionOptions) -> Clip:
+    """Put a motion on a body: unchanged rotations for AMASS on an SMPL body, otherwise retargeted, with arms
+    kept out of the torso if the options say so.
+    """
     if fits_unchanged(source.rest.clip, body):
-        return carried_over(source.rest.clip, body, fps)
-    return retarget(source.rest.clip, body, fps, source.roles)
+        return carried_over(source.rest.clip, body, options.fps)
+    clip = retarget(source.rest.clip, body, options.fps, source.roles)
+    return clear_arms(clip, body) if options.clear_arms else clip
 
 
 def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> tuple[dict[str, int], bool]:

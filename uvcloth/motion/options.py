@@ -42,6 +42,8 @@ class MotionOptions:
     """Frames A to B - 1 of the motion at that rate."""
     in_place: bool = False
     """Keep the hips over one point of the floor."""
+    clear_arms: bool = True
+    """Turn the upper arms so that forearms and hands of a retargeted motion stay out of the torso."""
 
     def window(self, length: int) -> tuple[int, int]:
         """First frame and number of frames to use, of `length`. Raises InputError if there are none."""

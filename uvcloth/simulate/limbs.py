@@ -31,8 +31,10 @@ LIMBS = (
 )
 """Roles of the joints of each limb, from the trunk outwards."""
 
-BEYOND = 0.1
-"""Metres by which the last bone of a limb is extended: cuffs lie over wrists and ankles."""
+BEYOND = {"hand": 0.2, "foot": 0.1}
+"""Metres by which the last bone of a limb is extended, by the end of its last role: cuffs lie over wrists and
+ankles, and a fast swing takes a sleeve over the hand.
+"""
 
 
 def limbs_left_percent(
@@ -49,13 +51,18 @@ def limbs_left_percent(
         return 0.0
     joints, roles = joint_positions(skeleton, transforms), joint_roles(skeleton.names)
     left = _pierced(vertices, faces, joints, roles, touches)
-    limbs = [[roles[role] for role in limb] for limb in LIMBS]
+    limbs = [([roles[role] for role in limb], BEYOND[limb[-1].split("_")[-1]]) for limb in LIMBS]
     edges = boundary_edges(weld(rest)[faces])
     for hem in hems(edges):
         loop = edges[torch.isin(edges, hem).all(1)]
-        passing = [limb for limb in limbs if _passes(skeleton.heads[None, limb], rest[None], loop).item()]
+        passing = [
+            (limb, beyond)
+            for limb, beyond in limbs
+            if _passes(skeleton.heads[None, limb], beyond, rest[None], loop).item()
+        ]
         if len(passing) == 1:
-            left |= ~_passes(joints[:, passing[0]], vertices, loop)
+            limb, beyond = passing[0]
+            left |= ~_passes(joints[:, limb], beyond, vertices, loop)
     return 100.0 * float(left.float().mean())
 
 
@@ -73,14 +80,14 @@ def _pierced(
     return pierced
 
 
-def _passes(limb: Tensor, vertices: Tensor, edges: Tensor) -> Tensor:
+def _passes(limb: Tensor, beyond: float, vertices: Tensor, edges: Tensor) -> Tensor:
     """Mask (T,) of the frames in which a limb, by its joints (T, 3, 3) m, passes through an opening.
 
-    edges: (E, 2) of its rim. It passes if it crosses a surface between the rim and its middle an odd number
-    of times.
+    beyond: m by which its last bone is extended. edges: (E, 2) of the rim. It passes if it crosses a surface
+    between the rim and its middle an odd number of times.
     """
     first, middle, last = limb.unbind(1)
-    tip = last + BEYOND * torch.nn.functional.normalize(last - middle, dim=1)
+    tip = last + beyond * torch.nn.functional.normalize(last - middle, dim=1)
     rim = vertices[:, edges]
     centre = rim.mean((1, 2), keepdim=True).expand(-1, len(edges), -1, -1)
     fan = torch.cat([rim, centre], dim=2)

@@ -1,0 +1,142 @@
+"""Arms kept out of the torso: turned at the shoulder, smoothly in time.
+
+The joint rotations of one person take hands into the torso of a wider one, where no sleeve can be right.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.geometry.rotations import from_axis_angles, rotate, rotate_back
+from uvcloth.motion.arms import FRAMES_AT_ONCE, PosedTorso, arm_joints, arm_places, posed_torso
+from uvcloth.motion.clip import Clip
+
+CLEARANCE = 0.02
+"""Metres that bones of forearms and hands keep from the torso's skin: a forearm then touches it."""
+
+TOLERANCE = 0.002
+"""Metres of clearance that may be missing."""
+
+ROUNDS = 20
+"""Most rounds of turning."""
+
+STIFFNESS = 1.0
+"""Weight of squared second differences of a turn at 30 fps, rad^2, beside squared depths, m^2."""
+
+DAMPING = 0.002
+"""Weight of squared turns, rad^2: with STIFFNESS, an arm is back on its path some five frames later."""
+
+HELD_WEIGHT = 1e6
+"""The same weight in frames in which arms stay as they are."""
+
+
+@dataclass(frozen=True)
+class _DeepFrames:
+    """The F frames of a clip in which one of A arms misses CLEARANCE.
+
+    indices: (F,) in the clip. torsos: in these frames, in parts. places: (F, A, P, 3) m on the arms.
+    """
+
+    indices: Tensor
+    torsos: Sequence[PosedTorso]
+    places: Tensor
+
+    def missing(self, places: Tensor) -> tuple[Tensor, Tensor]:
+        """Metres (F, P) of CLEARANCE that places (F, P, 3) miss, and directions (F, P, 3) outwards."""
+        parts = places.split([len(torso.vertices) for torso in self.torsos])
+        depths, outwards = zip(
+            *(torso.depths(part) for torso, part in zip(self.torsos, parts, strict=True)), strict=True
+        )
+        return (torch.cat(depths) + CLEARANCE).clamp(min=0.0), torch.cat(outwards)
+
+
+def clear_arms(clip: Clip, body: Body, held: int = 0) -> Clip:
+    """Turn the upper arms of a clip on a body so that bones of forearms and hands stay out of the torso.
+
+    held: number of frames at the end in which arms stay as they are.
+
+    In each round, the turns w of a shoulder, in the axes of the joint that carries it, minimize the sum of
+    (a w - b)^2 over all places r of the arm (from the shoulder) that miss CLEARANCE by b, with a = r x n for
+    the direction n outwards, plus the weighted squares of w and of its second differences in time. Rotations
+    of other joints stay. Returns the clip itself where no arm is in the torso.
+    """
+    transforms = replace(clip, translation=clip.translation - clip.translation[:1]).transforms()
+    deep = _deep_frames(body, transforms)
+    if deep is None:
+        return clip
+    skeleton, rotations = clip.skeleton, clip.rotations.clone()
+    smoothness = _smoothness(len(clip), clip.fps, held)
+    for arm, (upper, *_) in enumerate(arm_joints(body)):
+        at = transforms[deep.indices, upper]
+        shoulders = (at[..., :3] @ skeleton.heads[upper] + at[..., 3])[:, None]
+        carriers = clip.rotations[deep.indices, skeleton.parents[upper]]
+        turns = _turns(deep, deep.places[:, arm], shoulders, carriers, smoothness)
+        moved = skeleton.branch(upper)
+        carried = clip.rotations[:, skeleton.parents[upper]]
+        rotations[:, moved] = (carried @ turns @ carried.mT)[:, None] @ rotations[:, moved]
+    return replace(clip, rotations=rotations)
+
+
+def _deep_frames(body: Body, transforms: Tensor) -> _DeepFrames | None:
+    indices, torsos, deep_places = [], [], []
+    for start in range(0, len(transforms), FRAMES_AT_ONCE):
+        some = transforms[start : start + FRAMES_AT_ONCE]
+        places = arm_places(body, some)
+        if not places.numel():
+            return None
+        torso = posed_torso(body, some)
+        deep = (torso.depths(places.flatten(1, 2))[0] > -CLEARANCE).any(1).nonzero()[:, 0]
+        if len(deep):
+            indices.append(start + deep)
+            torsos.append(torso.frames(deep))
+            deep_places.append(places[deep])
+    return _DeepFrames(torch.cat(indices), torsos, torch.cat(deep_places)) if indices else None
+
+
+def _smoothness(count: int, fps: float, held: int) -> sparse.csr_array:
+    """Matrix (T, T) of the weighted squares of `clear_arms` for the turns of T = `count` frames."""
+    identity = sparse.eye_array(count, format="csr")
+    first = identity[1:] - identity[:-1]
+    second = first[1:] - first[:-1]
+    weights = np.full(count, DAMPING)
+    weights[count - held :] = HELD_WEIGHT
+    return STIFFNESS * (fps / 30.0) ** 4 * (second.T @ second) + sparse.diags_array(weights)
+
+
+def _turns(
+    deep: _DeepFrames, places: Tensor, shoulders: Tensor, carriers: Tensor, smoothness: sparse.csr_array
+) -> Tensor:
+    """Turns (T, 3, 3) of a shoulder in all frames of a clip, in the axes of the joint that carries it.
+
+    In the deep frames: places (F, P, 3) m on the arm, shoulders (F, 1, 3) m, rotations carriers (F, 3, 3).
+    """
+    turns = torch.eye(3).repeat(smoothness.shape[0], 1, 1)
+    offsets = rotate_back(carriers[:, None], places - shoulders)
+    for _ in range(ROUNDS):
+        turned = rotate(turns[deep.indices][:, None], offsets)
+        missing, outwards = deep.missing(shoulders + rotate(carriers[:, None], turned))
+        if float(missing.max()) <= TOLERANCE:
+            break
+        rows = torch.linalg.cross(turned, rotate_back(carriers[:, None], outwards))
+        rows *= (missing > 0.0)[..., None]
+        turns = from_axis_angles(_least_turns(rows, missing, deep.indices, smoothness)) @ turns
+    return turns
+
+
+def _least_turns(rows: Tensor, distances: Tensor, indices: Tensor, smoothness: sparse.csr_array) -> Tensor:
+    """Turns w (T, 3) that minimize the sum of `clear_arms`, of rows a (F, P, 3) and distances b (F, P)."""
+    count = smoothness.shape[0]
+    blocks, right = torch.zeros(count, 3, 3, dtype=torch.float64), torch.zeros(count, 3, dtype=torch.float64)
+    rows, distances = rows.double(), distances.double()
+    blocks[indices] = rows.mT @ rows
+    right[indices] = (rows * distances[..., None]).sum(1)
+    matrix = sparse.kron(smoothness, sparse.eye_array(3)) + sparse.bsr_array(
+        (blocks.numpy(), range(count), range(count + 1)), shape=(3 * count, 3 * count)
+    )
+    return torch.from_numpy(spsolve(matrix.tocsc(), right.flatten().numpy())).view(count, 3).float()
