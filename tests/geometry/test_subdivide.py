@@ -1,6 +1,7 @@
 """Subdivision: short edges, the same surface, joined faces, and the first vertices where they were."""
 
 import torch
+import trimesh
 
 from uvcloth.geometry.mesh import (
     Mesh,
@@ -11,7 +12,7 @@ from uvcloth.geometry.mesh import (
     vertex_normals,
     weld,
 )
-from uvcloth.geometry.subdivide import subdivide
+from uvcloth.geometry.subdivide import loop_subdivision, subdivide
 
 
 def grid(columns: int, rows: int) -> Mesh:
@@ -67,3 +68,16 @@ def test_vertices_doubled_at_a_seam_stay_together() -> None:
 def test_a_fine_mesh_is_left_as_it_is() -> None:
     mesh = grid(4, 3)
     assert subdivide(mesh, 1.0) is mesh
+
+
+def test_loop_subdivision_is_that_of_trimesh() -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=1)
+    cut = sphere.faces[sphere.triangles_center[:, 2] < 0.3]
+    for faces in (sphere.faces, cut):
+        mesh = trimesh.Trimesh(sphere.vertices, faces, process=False)
+        mesh.remove_unreferenced_vertices()
+        mesh.vertices *= (1.0, 1.3, 0.7)
+        vertices, corners = trimesh.remesh.subdivide_loop(mesh.vertices, mesh.faces, iterations=1)
+        ours, our_corners = loop_subdivision(torch.tensor(mesh.vertices), torch.tensor(mesh.faces))
+        assert torch.equal(our_corners, torch.tensor(corners))
+        torch.testing.assert_close(ours, torch.tensor(vertices))

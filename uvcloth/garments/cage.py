@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-import trimesh
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
@@ -18,6 +17,7 @@ from torch import Tensor
 
 from rasterize.charts import face_components
 from rasterize.gather import gather
+from uvcloth.geometry.closest import closest_barycentrics
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import (
     Mesh,
@@ -352,12 +352,11 @@ def _embedded(points: Floats, near: Indices, vertices: Floats, faces: Indices) -
     place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     candidates = order[starts[near[owner]] + place] // 3
     triangles = vertices[faces[candidates]]
-    closest = trimesh.triangles.closest_point(triangles, points[owner])
-    off = np.linalg.norm(closest - points[owner], axis=1)
+    shares = closest_barycentrics(*map(torch.from_numpy, (points[owner], triangles))).numpy()
+    off = np.linalg.norm((shares[..., None] * triangles).sum(1) - points[owner], axis=1)
     ranked = np.lexsort((off, owner))
     best = ranked[np.unique(owner[ranked], return_index=True)[1]]
-    shares = trimesh.triangles.points_to_barycentric(triangles[best], closest[best]).clip(0.0, 1.0)
-    return faces[candidates[best]], shares / shares.sum(1, keepdims=True)
+    return faces[candidates[best]], shares[best]
 
 
 def _blended(

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
@@ -18,6 +17,7 @@ from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.errors import InputError
 from uvcloth.garments.cut import cut, place
 from uvcloth.garments.remesh import largest_faces
+from uvcloth.geometry.subdivide import loop_subdivision
 from uvcloth.motion.roles import joint_roles
 
 Array = NDArray[np.float64]
@@ -67,10 +67,8 @@ def tight_shell(body: Body) -> tuple[Array, NDArray[np.int64]]:
     proxy = body.proxies.get("tights")
     if proxy is None:
         raise InputError(f"body {body.name}: has no garment proxy, templates cannot be tailored to it")
-    vertices, faces = trimesh.remesh.subdivide_loop(
-        proxy.vertices.numpy().astype(np.float64), proxy.faces.numpy(), iterations=1
-    )
-    return np.asarray(vertices), np.asarray(faces, dtype=np.int64)
+    vertices, faces = loop_subdivision(proxy.vertices.double(), proxy.faces)
+    return vertices.numpy(), faces.numpy()
 
 
 def cut_bodice(body: Body, field: Array) -> Bodice:

@@ -1,5 +1,7 @@
 """Subdivision of triangle meshes until no edge is long; the original vertices stay first."""
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -42,6 +44,40 @@ def subdivide(mesh: Mesh, longest: float) -> Mesh:
 def halve_edges(points: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
     """Halve every edge once: points (P, D) and faces (F, 3) -> (P + E, D), the middles last, and (4 F, 3)."""
     return _halved(points, faces, torch.ones_like(faces, dtype=torch.bool), torch.arange(3).expand_as(faces))
+
+
+def loop_subdivision(points: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
+    """One step of Loop's subdivision (1987): points (P, 3), faces (F, 3) -> (P + E, 3), (4 F, 3).
+
+    Every edge gets a vertex, after the old ones; an edge has one face or two.
+    """
+    count = len(points)
+    ends = torch.stack([faces, faces.roll(-1, 1)], dim=2).reshape(-1, 2).sort(dim=1).values
+    keys, edge_of = torch.unique(ends[:, 1] * count + ends[:, 0], return_inverse=True)
+    edges = torch.stack([keys % count, keys // count], dim=1)
+    inner = torch.bincount(edge_of) == 2
+    opposite = torch.zeros(len(edges), 3).to(points)
+    opposite.index_add_(0, edge_of, points[faces.roll(1, 1).flatten()])
+    middles = points[edges].mean(1)
+    middles[inner] = 0.375 * points[edges[inner]].sum(1) + 0.125 * opposite[inner]
+
+    rim = torch.zeros(count, dtype=torch.bool)
+    rim[edges[~inner]] = True
+    valence = torch.bincount(edges.flatten(), minlength=count).to(points)
+    around = torch.zeros_like(points)
+    # A vertex on the rim follows those beside it on the rim, with an eighth each.
+    follows = torch.cat([edges, edges.flip(1)])
+    follows = follows[~rim[follows[:, 0]] | rim[follows[:, 1]]]
+    around.index_add_(0, follows[:, 0], points[follows[:, 1]])
+    turn = 2.0 * math.pi / valence.clamp(min=1)
+    share = (40.0 - (2.0 * turn.cos() + 3.0) ** 2) / (64.0 * valence.clamp(min=1))
+    share[rim] = 0.125
+    kept = torch.where(rim, 0.75, 1.0 - valence * share)
+    moved = share[:, None] * around + kept[:, None] * points
+    a, b, c = faces.unbind(1)
+    ab, bc, ca = (count + edge_of.view(-1, 3)).unbind(1)
+    split = torch.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], dim=1).view(-1, 3)
+    return torch.cat([moved, middles]), split
 
 
 def _first_split(split: Tensor) -> Tensor:
