@@ -1,7 +1,7 @@
 """The fine simulation of all that ships: every template, and outfits in layers, over every built-in clip.
 
 `python -m tests.release OUT` (`make release-test`) runs `uvcloth simulate`, and continues where it was
-interrupted. It fails where a sequence breaks or is refused. It took 80 minutes on two cores beside other work.
+interrupted. It fails where a sequence breaks or is refused. It took 80 minutes beside other work.
 """
 
 import argparse

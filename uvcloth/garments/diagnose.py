@@ -11,7 +11,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.garments.judge import UnwearableError, refuse_unworn
 from uvcloth.garments.placing import SEARCH_DISTANCE, Placing, find_placings
-from uvcloth.geometry.mesh import Mesh, face_normals, weld
+from uvcloth.geometry.mesh import Mesh, edge_keys, face_normals, weld
 from uvcloth.physics.surface import BodySurface, SurfacePoints
 
 
@@ -191,12 +191,10 @@ def _orientation(path: Path, mesh: Mesh, welded: Tensor, skin: SurfacePoints) ->
 def _neighbours(path: Path, welded: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Pairs of faces at each inner edge, and whether they agree, running along it in opposite directions."""
     directed = torch.cat([welded[:, [0, 1]], welded[:, [1, 2]], welded[:, [2, 0]]])
-    edges, edge, faces = torch.unique(
-        directed.sort(dim=1).values, dim=0, return_inverse=True, return_counts=True
-    )
+    _, edge, faces = torch.unique(edge_keys(directed), return_inverse=True, return_counts=True)
     worst = int(faces.argmax())
     if int(faces[worst]) > 2:
-        a, b = edges[worst].tolist()
+        a, b = sorted(directed[edge == worst][0].tolist())
         raise InputError(
             f"{path}: the garment is not manifold, {int((faces > 2).sum())} edges have more than two faces "
             f"(the edge between vertices {a} and {b} has {int(faces[worst])})"

@@ -75,7 +75,7 @@ def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:
 
 def unique_edges(faces: Tensor) -> Tensor:
     """The undirected edges of a mesh, each once, lower vertex index first: (E, 2) int64."""
-    keys = torch.unique(_edge_keys(_directed_edges(faces)))
+    keys = torch.unique(edge_keys(_directed_edges(faces)))
     return torch.stack([keys >> 32, keys & 0xFFFFFFFF], dim=1)
 
 
@@ -103,7 +103,7 @@ def hinges(faces: Tensor) -> Tensor:
 def boundary_edges(faces: Tensor) -> Tensor:
     """Directed edges (E, 2) that belong to one face only: hems, cuffs, necklines."""
     directed = _directed_edges(faces)
-    _, edge, count = torch.unique(_edge_keys(directed), return_inverse=True, return_counts=True)
+    _, edge, count = torch.unique(edge_keys(directed), return_inverse=True, return_counts=True)
     return directed[count[edge] == 1]
 
 
@@ -123,12 +123,12 @@ def _directed_edges(faces: Tensor) -> Tensor:
 
 def _shared_edges(faces: Tensor) -> tuple[Tensor, Tensor]:
     """The two directed edges of every shared edge, as rows (P,) each of `_directed_edges`."""
-    keys, order = _edge_keys(_directed_edges(faces)).sort(stable=True)
+    keys, order = edge_keys(_directed_edges(faces)).sort(stable=True)
     shared = torch.nonzero(keys[1:] == keys[:-1]).squeeze(1)
     return order[shared], order[shared + 1]
 
 
-def _edge_keys(edges: Tensor) -> Tensor:
+def edge_keys(edges: Tensor) -> Tensor:
     """One integer per undirected edge (E, 2): (E,). Finding equal ones is much faster than equal rows."""
     return (edges.amin(1) << 32) + edges.amax(1)
 
