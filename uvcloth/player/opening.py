@@ -63,10 +63,20 @@ class Opening:
 
 
 def in_tiles(points: Floats) -> NDArray[np.int64]:
-    """Order (N,) of points (N, 3) m in which every TILE of them lie close together."""
-    order = np.arange(len(points))
-    if len(points) <= TILE:
-        return order
-    along = np.argsort(points[:, np.argmax(np.ptp(points, axis=0))], kind="stable")
-    half = TILE * max(1, round(0.5 * len(points) / TILE))
-    return np.concatenate([part[in_tiles(points[part])] for part in (along[:half], along[half:])])
+    """Order (N,) of points (N, 3) m in which every TILE of them lie close together.
+
+    Parts with more points are halved across their longest side, all parts at once, until none has.
+    """
+    order, starts = np.arange(len(points)), np.zeros(min(len(points), 1), np.int64)
+    while True:
+        sizes = np.diff(starts, append=len(points))
+        large = sizes > TILE
+        if not large.any():
+            return order
+        here = points[order]
+        sides = np.maximum.reduceat(here, starts) - np.minimum.reduceat(here, starts)
+        part = np.repeat(np.arange(len(starts)), sizes)
+        along = np.where(large[part], here[np.arange(len(here)), sides.argmax(1)[part]], 0.0)
+        order = order[np.lexsort((along, part))]
+        halves = TILE * np.maximum(1, np.rint(0.5 * sizes[large] / TILE)).astype(np.int64)
+        starts = np.sort(np.concatenate([starts, starts[large] + halves]))
