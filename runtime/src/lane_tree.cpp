@@ -201,6 +201,11 @@ void fit(const LaneTree &tree, const Vec *points, FittedTree &fitted) {
     }
 }
 
+void fit_patches(const LaneTree &tree, FittedTree &fitted) {
+    for (int patch = 0; patch < tree.patches; patch++)
+        if (!fitted.is_fitted.at(patch)) fit_patch(tree, patch, fitted);
+}
+
 int closest_face(const LaneTree &tree, FittedTree &fitted, Vec point, float reach, float &beyond) {
     Best best(reach);
     beyond = FAR;
