@@ -225,8 +225,9 @@ int closest_face(const LaneTree &tree, FittedTree &fitted, Vec point, float reac
         best.beyond = least(best.beyond, choose(is_near, Lanes{} + FAR, squares));
         unsigned lanes = bits(is_near);
         if (!lanes) continue;
-        // The nearest child is the next one: what is found in it rules most of the others out.
-        unsigned nearest = bits(squares == lowest(squares));
+        // The nearest child is the next one: what is found in it rules most of the others out. Beside one whose
+        // distance is no number, the least number may be that of no child.
+        unsigned nearest = bits(squares == lowest(squares)) & lanes;
         lanes &= ~nearest;
         if (node < tree.patches) {
             while (nearest) best.look(tree, fitted, first + take(nearest), from);

@@ -21,6 +21,9 @@ constexpr int MOST = 31;
 // Metres that a search reaches at most.
 constexpr float LONGEST_REACH = 1e4f;
 
+// A reach, m, that searches can have; 0 for what is no number.
+float limited(float reach) { return least(LONGEST_REACH, most(0.0f, reach)); }
+
 const Vec *vectors(const float *numbers) { return reinterpret_cast<const Vec *>(numbers); }
 Vec *vectors(float *numbers) { return reinterpret_cast<Vec *>(numbers); }
 
@@ -75,7 +78,7 @@ void uvc_closest_faces(const uvc_meshes *meshes, int mesh, const float *points, 
     for (int k = 0; k < count; k++) {
         uvc::Vec point = uvc::vectors(points)[k], met{};
         float beyond;
-        faces[k] = uvc::closest_face(tree, fitted, point, uvc::least(uvc::LONGEST_REACH, reach), beyond);
+        faces[k] = uvc::closest_face(tree, fitted, point, uvc::limited(reach), beyond);
         if (faces[k] >= 0) {
             uvc::Face f = tree.faces.at(faces[k]);
             met = uvc::closest_barycentrics(point, fitted.points[f.a], fitted.points[f.b], fitted.points[f.c]);
@@ -87,9 +90,9 @@ void uvc_closest_faces(const uvc_meshes *meshes, int mesh, const float *points, 
 void uvc_signed_distances(const uvc_meshes *meshes, int mesh, const float *points, int count, float reach,
                           int32_t *faces, float *weights, float *distances, float *places, float *normals) {
     for (int k = 0; k < count; k++) {
-        uvc::SignedClosest closest =
-            uvc::signed_closest(meshes->trees.at(mesh), meshes->fitted.at(mesh), uvc::vectors(points)[k],
-                                uvc::least(uvc::LONGEST_REACH, reach));
+        uvc::Vec point = uvc::vectors(points)[k];
+        uvc::SignedClosest closest = uvc::signed_closest(meshes->trees.at(mesh), meshes->fitted.at(mesh), point,
+                                                         uvc::limited(reach));
         faces[k] = closest.face;
         uvc::vectors(weights)[k] = closest.weights;
         distances[k] = closest.distance;
@@ -102,9 +105,10 @@ void uvc_nearest_meshes(const uvc_meshes *meshes, const int32_t *touches, const 
                         float reach, float exact, float narrow, float *distances, float *normals,
                         float *offsets, float *gaps) {
     for (int k = 0; k < count; k++) {
+        uvc::Vec point = uvc::vectors(points)[k];
         uvc::NearestPart nearest =
-            uvc::nearest_part(meshes->trees, meshes->fitted, touches[k], uvc::vectors(points)[k],
-                              uvc::least(uvc::LONGEST_REACH, reach), exact, narrow);
+            uvc::nearest_part(meshes->trees, meshes->fitted, touches[k], point, uvc::limited(reach),
+                              uvc::limited(exact), narrow);
         distances[k] = nearest.distance;
         uvc::vectors(normals)[k] = nearest.outward;
         offsets[k] = nearest.offset;

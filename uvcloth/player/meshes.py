@@ -62,7 +62,8 @@ class MovingMeshes:
     def move(self, vertices: NDArray[Any]) -> None:
         """Move to vertices (V, 3) m."""
         assert vertices.shape == self.shape
-        library().uvc_move_meshes(self._handle, pointer(np.ascontiguousarray(vertices, np.float32)))
+        places = np.ascontiguousarray(vertices, np.float32)
+        library().uvc_move_meshes(self._handle, pointer(places))
 
     def closest_faces(
         self, mesh: int, points: NDArray[Any], reach: float
