@@ -5,7 +5,7 @@ import torch
 import trimesh
 from torch import Tensor
 
-from uvcloth.physics.surface import BodySurface
+from uvcloth.physics.surface import BodySurface, closest_points
 
 
 def tensors(mesh: trimesh.Trimesh) -> tuple[Tensor, Tensor]:
@@ -88,3 +88,20 @@ def test_the_number_of_threads_changes_no_answer() -> None:
         answers.append((found.signed_distance, found.faces, found.normals))
     torch.set_num_threads(threads)
     assert all(torch.equal(one, other) for one, other in zip(*answers, strict=True))
+
+
+def test_nearest_points_are_found_however_far_away_they_are() -> None:
+    """Around a box, where coordinates are cut off at its sides; only points that are nowhere miss."""
+    half = torch.tensor([0.2, 0.1, 0.3])
+    mesh = tensors(trimesh.creation.box(2 * half.numpy()))
+    points = 2.0 * torch.randn(200, 3, generator=torch.manual_seed(6))
+    points[0] = 300.0
+    points = points[(points.abs() > half).any(1)]
+    places = points.clamp(min=-half, max=half)
+    hits = closest_points(points, *mesh)
+    torch.testing.assert_close(hits.distance, (points - places).norm(dim=1))
+    torch.testing.assert_close(hits.interpolate(*mesh), places)
+    points[1] = torch.nan
+    lost = closest_points(points, *mesh)
+    assert (~lost.hit).nonzero().flatten().tolist() == [1]
+    assert lost.distance[1] == torch.inf

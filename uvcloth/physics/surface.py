@@ -1,10 +1,11 @@
-"""Closest points of a moving closed surface, as tensors; the runtime searches them."""
+"""Closest points of surfaces, as tensors; the runtime searches them."""
 
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
+from rasterize.raycast import Hits
 from uvcloth.player.meshes import MovingMeshes
 
 FREE = -1.0e6
@@ -53,3 +54,15 @@ class BodySurface:
             torch.from_numpy(each).to(points.device) for each in results
         )
         return SurfacePoints(distance, places, normals, faces.long(), weights)
+
+
+def closest_points(points: Tensor, vertices: Tensor, faces: Tensor) -> Hits:
+    """The surface point nearest to each point: points (R, 3), vertices (V, 3), faces (F, 3).
+
+    All are on the processor. It misses only points that are not finite.
+    """
+    meshes = MovingMeshes(vertices.detach().numpy(), [faces.numpy()])
+    face, barycentrics = map(torch.from_numpy, meshes.closest_faces(0, points.detach().numpy(), torch.inf))
+    hits = Hits(face.long(), barycentrics, torch.full((len(points),), torch.inf))
+    away = (points.float() - hits.interpolate(vertices.float(), faces)).norm(dim=1)
+    return Hits(hits.face, hits.barycentrics, torch.where(hits.hit, away, torch.inf))
