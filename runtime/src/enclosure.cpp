@@ -90,11 +90,10 @@ int crossings(const LaneTree &tree, const Vec *points, int block, const Ray &ray
     LaneMask one, two, three;
     Lanes to_c = turn(a, b, one), to_a = turn(b, c, two), to_b = turn(c, a, three);
     Lanes depth = ray.along * (to_a * a.z + to_b * b.z + to_c * c.z);
-    unsigned whole = (1u << least(LANES, tree.faces.size - LANES * block)) - 1;
-    unsigned ways = bits(one & two & three & (depth > 0.0f)) & whole;
-    unsigned others = bits(~(one | two | three) & (depth < 0.0f)) & whole;
-    int count = __builtin_popcount(ways) - __builtin_popcount(others);
-    return ray.along < 0 ? -count : count;
+    LaneMask is_own = LaneMask{0, 1, 2, 3, 4, 5, 6, 7} < tree.faces.size - LANES * block;
+    Lanes none{}, one_way = choose(one & two & three & is_own & (depth > 0.0f), none + 1.0f, none);
+    Lanes signs = choose(~(one | two | three) & is_own & (depth < 0.0f), none - 1.0f, one_way);
+    return (int)(ray.along * sum(signs));
 }
 
 // Looks at the parts once; see nearest_part.

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from rasterize.layout import unwrap
+from rasterize.raycast import closest_points
 from uvcloth.bodies.body import REGIONS, Appearance, Body, Proxy
 from uvcloth.bodies.stature import stature
 from uvcloth.characters.look import polygons_of_parts
@@ -28,7 +29,7 @@ from uvcloth.formats.gltf_mesh import read_materials
 from uvcloth.geometry.authored import AuthoredMesh, UvSet, polygons_of
 from uvcloth.geometry.mesh import Mesh, join_meshes, neighbour_average
 from uvcloth.geometry.skinning import diffuse_weights, skin
-from uvcloth.physics.surface import BodySurface, closest_points
+from uvcloth.physics.surface import BodySurface
 
 CLOTHED = ("torso", "upper_arm", "forearm", "thigh", "calf")
 """Regions that cloth lies on, where the surface has to match the character's."""

@@ -15,9 +15,9 @@ from scipy.sparse import csr_array, diags_array
 from torch import Tensor
 
 from rasterize.gather import gather
+from rasterize.raycast import closest_points
 from uvcloth.characters.shape import SkinnedSurface
 from uvcloth.geometry.mesh import face_normals, laplacian, neighbour_average, vertex_normals
-from uvcloth.physics.surface import closest_points
 
 Array = NDArray[np.float64]
 
