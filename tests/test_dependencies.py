@@ -2,6 +2,7 @@
 
 import ast
 import re
+import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable
@@ -82,3 +83,16 @@ def test_what_is_declared_is_used() -> None:
     for name, extra in requirements().items():
         if name not in USED_BY_NAME:
             assert modules_of([name]) <= (tested if extra == "dev" else used), f"{name} is not imported"
+
+
+def test_warp_is_loaded_by_training_and_newton_alone() -> None:
+    """It takes a second to start, which nobody who dresses or simulates a motion should wait for."""
+    code = (
+        "import sys\n"
+        "import uvcloth.api, uvcloth.ready, uvcloth.rollout, uvcloth.garments.templates\n"
+        "import uvcloth.simulate.batch, uvcloth.simulate.run, uvcloth.commands.animate\n"
+        "import uvcloth.wardrobe.sew, evaluate.judge, evaluate.report\n"
+        "print([name for name in ('warp', 'newton') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"

@@ -11,12 +11,13 @@ from uvcloth.bodies.collider import collider_near, make_collider, touch_bits
 from uvcloth.bodies.opened import Opening, make_opening
 from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import skin
-from uvcloth.physics import kernels
-from uvcloth.physics.launch import array, launch
-from uvcloth.physics.layers import Layer
 from uvcloth.physics.obstacle import SQUEEZE_GAP
-from uvcloth.physics.posed_batch import ClosestPointCache, Planes, PosedMeshBatch
-from uvcloth.physics.surface import FREE, SEARCH_DISTANCE, MovingMeshes
+from uvcloth.physics.surface import FREE, SEARCH_DISTANCE
+
+from . import kernels
+from .launch import array, launch
+from .moving_meshes import MovingMeshes, MovingSheet
+from .posed_batch import ClosestPointCache, Planes, PosedMeshBatch
 
 NEAR_BODY = 0.2
 """Metres from the outfit at rest within which the body is collided with."""
@@ -101,7 +102,7 @@ class InnerLayer:
 
     rows: Tensor
     outer: Tensor
-    copies: Layer
+    copies: MovingSheet
 
     def distance(self, outfit: Tensor, normals: Tensor) -> Tensor:
         """Signed distance (B, m) m of the other garment from the layer, see `planes`."""
@@ -139,8 +140,8 @@ def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batc
     layers = []
     for index, (rows, faces) in enumerate(garments[:-1]):
         tiled = faces + len(rows) * torch.arange(batch, device=outfit.device)[:, None, None]
-        copies = Layer((outfit[rows] + aside).flatten(0, 1), tiled.flatten(0, 1))
-        alone = Layer(outfit[rows], faces)
+        copies = MovingSheet((outfit[rows] + aside).flatten(0, 1), tiled.flatten(0, 1))
+        alone = MovingSheet(outfit[rows], faces)
         for over, _ in garments[index + 1 :]:
             closest = alone.beside(outfit[over], NEAR_LAYER)
             layers.append(InnerLayer(rows, over[closest.covered & (closest.distance >= 0)], copies))

@@ -1,5 +1,6 @@
 /* Opened colliders: parts of a body that a pose presses into each other are pushed apart, so that cloth has
- * room between them. And distances along the skin, from which an opening is made. */
+ * room between them. And surfaces as graphs: distances along the skin, from which an opening is made, and edges
+ * of cloth that are evened. */
 #ifndef UVCLOTH_OPENING_H
 #define UVCLOTH_OPENING_H
 
@@ -35,6 +36,13 @@ typedef struct uvc_graph {
  * (vertices): for each chosen one the distance within which others were left out for it, -1 for all others. */
 UVC_API void uvc_thin_out(const uvc_graph *graph, const int32_t *order, int count, float spacing,
                           float *clear);
+
+/* Evens the edges of cloth at positions (vertices, 3), m, in place, in so many passes: edges come near the
+ * graph's lengths, vertices bend little more than at rest, and the shape stays. curvatures: (vertices), m,
+ * lengths of the mean ways from vertices to their neighbours at rest. normals (vertices, 3), unit, and offsets
+ * (vertices), m: a vertex stays where its product with its normal is no less than its offset. */
+UVC_API void uvc_even_edges(const uvc_graph *graph, const float *curvatures, const float *normals,
+                            const float *offsets, int passes, float *positions);
 
 #ifdef __cplusplus
 }

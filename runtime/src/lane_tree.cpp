@@ -201,6 +201,11 @@ void fit(const LaneTree &tree, const Vec *points, FittedTree &fitted) {
     }
 }
 
+void fit_patches(const LaneTree &tree, FittedTree &fitted) {
+    for (int patch = 0; patch < tree.patches; patch++)
+        if (!fitted.is_fitted.at(patch)) fit_patch(tree, patch, fitted);
+}
+
 int closest_face(const LaneTree &tree, FittedTree &fitted, Vec point, float reach, float &beyond) {
     Best best(reach);
     beyond = FAR;
@@ -220,8 +225,9 @@ int closest_face(const LaneTree &tree, FittedTree &fitted, Vec point, float reac
         best.beyond = least(best.beyond, choose(is_near, Lanes{} + FAR, squares));
         unsigned lanes = bits(is_near);
         if (!lanes) continue;
-        // The nearest child is the next one: what is found in it rules most of the others out.
-        unsigned nearest = bits(squares == lowest(squares));
+        // The nearest child is the next one: what is found in it rules most of the others out. Beside one whose
+        // distance is no number, the least number may be that of no child.
+        unsigned nearest = bits(squares == lowest(squares)) & lanes;
         lanes &= ~nearest;
         if (node < tree.patches) {
             while (nearest) best.look(tree, fitted, first + take(nearest), from);

@@ -62,6 +62,9 @@ FittedTree make_fitted_tree(const LaneTree &tree, Arena &arena);
 // Fits a tree to points, which have to stay where they are while it is searched.
 void fit(const LaneTree &tree, const Vec *points, FittedTree &fitted);
 
+// Fits all patches, so that any number of threads may search the tree.
+void fit_patches(const LaneTree &tree, FittedTree &fitted);
+
 // The face closest to a point within reach, m, of several the first; -1 if there is none, and then `beyond`
 // is the square of a distance within which there is none.
 int closest_face(const LaneTree &tree, FittedTree &fitted, Vec point, float reach, float &beyond);

@@ -1,6 +1,7 @@
-// The C interface of opened colliders and of distances along the skin.
+// The C interface of opened colliders and of surfaces as graphs.
 #include "uvcloth_opening.h"
 
+#include "edge_evening.h"
 #include "opening.h"
 #include "surface_graph.h"
 
@@ -47,6 +48,12 @@ void uvc_opening_distances(const uvc_opening *opening, const float *vertices, fl
 
 void uvc_thin_out(const uvc_graph *graph, const int32_t *order, int count, float spacing, float *clear) {
     uvc::thin_out(uvc::graph_of(*graph), {order, count}, spacing, clear);
+}
+
+void uvc_even_edges(const uvc_graph *graph, const float *curvatures, const float *normals, const float *offsets,
+                    int passes, float *positions) {
+    uvc::Evening evening{curvatures, reinterpret_cast<const uvc::Vec *>(normals), offsets};
+    uvc::even_edges(uvc::graph_of(*graph), evening, passes, reinterpret_cast<uvc::Vec *>(positions));
 }
 
 }  // extern "C"

@@ -5,7 +5,7 @@ import torch
 import trimesh
 from torch import Tensor
 
-from uvcloth.physics.surface import BodySurface
+from uvcloth.physics.surface import BodySurface, closest_points
 
 
 def tensors(mesh: trimesh.Trimesh) -> tuple[Tensor, Tensor]:
@@ -77,14 +77,18 @@ def test_an_updated_surface_answers_at_its_new_place() -> None:
     torch.testing.assert_close(distance.signed_distance, torch.tensor([0.01, 0.05]), atol=1e-3, rtol=0)
 
 
-def test_the_number_of_threads_changes_no_answer() -> None:
-    surface = crossing_limbs()
-    points = 0.3 * torch.randn(2001, 3, generator=torch.manual_seed(2))
-    threads = torch.get_num_threads()
-    answers = []
-    for count in (1, 3):
-        torch.set_num_threads(count)
-        found = surface.closest(points)
-        answers.append((found.signed_distance, found.faces, found.normals))
-    torch.set_num_threads(threads)
-    assert all(torch.equal(one, other) for one, other in zip(*answers, strict=True))
+def test_nearest_points_are_found_however_far_away_they_are() -> None:
+    """Around a box, where coordinates are cut off at its sides; only points that are nowhere miss."""
+    half = torch.tensor([0.2, 0.1, 0.3])
+    mesh = tensors(trimesh.creation.box(2 * half.numpy()))
+    points = 2.0 * torch.randn(200, 3, generator=torch.manual_seed(6))
+    points[0] = 300.0
+    points = points[(points.abs() > half).any(1)]
+    places = points.clamp(min=-half, max=half)
+    hits = closest_points(points, *mesh)
+    torch.testing.assert_close(hits.distance, (points - places).norm(dim=1))
+    torch.testing.assert_close(hits.interpolate(*mesh), places)
+    points[1] = torch.nan
+    lost = closest_points(points, *mesh)
+    assert (~lost.hit).nonzero().flatten().tolist() == [1]
+    assert lost.distance[1] == torch.inf

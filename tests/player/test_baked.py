@@ -155,7 +155,7 @@ def test_the_player_needs_numpy_alone() -> None:
         "import sys, time; start = time.perf_counter()\n"
         "import numpy; numpy_took = time.perf_counter() - start\n"
         "from uvcloth.player import animation, baked, cloth, clearing, gltf_document, gltf_file, library\n"
-        "from uvcloth.player import nodes, opening, sections, surface_graph\n"
+        "from uvcloth.player import meshes, nodes, opening, sections, shell, surface_graph\n"
         "others = {name.partition('.')[0] for name in sys.modules} - set(sys.stdlib_module_names)\n"
         "own = sorted(name for name in sys.modules if name.startswith(('uvcloth.', 'rasterize')))\n"
         "print(sorted(others), [name for name in own if not name.startswith('uvcloth.player')])\n"

@@ -24,9 +24,9 @@ from uvcloth.methods.motion_guided.dynamics_input import MEMORY, Pose, local_off
 from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
 from uvcloth.methods.motion_guided.latent import Space
 from uvcloth.methods.motion_guided.seeds import PosedSeeds, pose_seeds, seeds_on
-from uvcloth.physics.surface import BodySurface
 
 from ..mirror import mirror_clips
+from ..posed_batch import PosedMeshBatch
 
 CLEARANCE = 0.002
 """Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""
@@ -163,10 +163,10 @@ class GarmentDataset:
         )
 
     @cached_property
-    def skin(self) -> BodySurface:
+    def skin(self) -> PosedMeshBatch:
         """The body at rest. Its search is compiled for a GPU first, which takes a while."""
         mesh = self.body.mesh
-        return BodySurface(mesh.vertices.to(self.device), mesh.faces.to(self.device))
+        return PosedMeshBatch(mesh.vertices.to(self.device), mesh.faces, 1)
 
     def codes(self, space: Space, frames: GarmentFrames, rows: Tensor) -> Tensor:
         """Z* of simulated garments in chosen rows: (B, Z)."""
@@ -176,8 +176,6 @@ class GarmentDataset:
 
     def depth(self, resting: Tensor) -> Tensor:
         """L_SDF: mean depth below CLEARANCE of rest shapes (B, N, 3), by the exact distance to the body."""
-        points = resting.flatten(0, 1)
-        with torch.no_grad():
-            skin = self.skin.closest(points)
-        distance = ((points - skin.points) * skin.normals).sum(1)
+        points = resting.reshape(1, -1, 3)
+        distance = self.skin.planes(points, CLEARANCE).distance(points)
         return (CLEARANCE - distance).clamp(min=0.0).mean()

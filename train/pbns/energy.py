@@ -15,9 +15,9 @@ from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.records import to_device
 from uvcloth.physics.energies import attachment_energy, cloth_energies, collision_energy
 from uvcloth.physics.fabric import RANGES, Fabric, FabricName, fabric_from, find_fabric
-from uvcloth.physics.posed_batch import ClosestPointCache
 
 from ..batched_collision import NearbyBody, inner_layers
+from ..posed_batch import ClosestPointCache
 
 PROGRAM_FABRIC = Fabric(density=0.3, stretch=34.641016, bend=8.660254e-5)
 """Fabric of the paper's program, whose weights of edges and bending are 15 N/m and 5e-5 J."""

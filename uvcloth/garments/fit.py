@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from rasterize.layout import unwrap
-from rasterize.raycast import cast_rays, closest_points, garment_to_body
+from rasterize.raycast import cast_rays, garment_to_body
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.errors import InputError
 from uvcloth.formats.mesh_file import read_mesh
@@ -22,6 +22,7 @@ from uvcloth.garments.relaxation import Settled, settle
 from uvcloth.garments.transfer import transfer
 from uvcloth.geometry.authored import AuthoredMesh, follow_triangles
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
+from uvcloth.physics.surface import closest_points
 
 BODY_RAY_LENGTH = 0.3
 """Metres from the garment within which a ray has to meet the body."""

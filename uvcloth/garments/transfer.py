@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 
 from rasterize.gather import gather
-from rasterize.raycast import closest_points
 from uvcloth.bodies.body import Body
 from uvcloth.characters.registration import limbs_of, register
 from uvcloth.characters.shape import SkinnedSurface
@@ -22,7 +21,7 @@ from uvcloth.garments.placing import ACROSS_COST, SEARCH_DISTANCE, lies_along
 from uvcloth.garments.pose import REST, limbs_held, posed_body, unposed
 from uvcloth.garments.relaxation import Ease, Settled, settle
 from uvcloth.geometry.mesh import Mesh, edge_lengths, neighbour_average, unique_edges, weld
-from uvcloth.physics.surface import BodySurface
+from uvcloth.physics.surface import BodySurface, closest_points
 
 SIZES = (0.94, 1.06, 5)
 """Least and greatest height at which another body is compared with ours, over ours, and how many."""

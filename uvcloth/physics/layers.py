@@ -6,9 +6,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.geometry.mesh import vertex_normals
-from uvcloth.physics import kernels
-from uvcloth.physics.launch import array, launch
-from uvcloth.physics.surface import MovingMeshes
+from uvcloth.player.meshes import MovingMeshes
 
 LAYER_SEARCH_DISTANCE = 0.03
 """Metres within which an inner garment is looked for."""
@@ -35,29 +33,36 @@ class Beside:
         return self.faces >= 0
 
 
-class Layer(MovingMeshes):
-    """A moving garment beneath others: vertices (M, 3) metres, faces (F, 3)."""
+class Layer:
+    """A moving garment beneath others: vertices (M, 3) metres, faces (F, 3).
+
+    It is searched on the processor; results are on the device of their points.
+    """
 
     def __init__(self, vertices: Tensor, faces: Tensor) -> None:
-        super().__init__(vertices, (faces,))
-        self.faces = faces
+        self.points, self.faces = vertices.detach().float().clone(), faces
         self._normals = vertex_normals(self.points, faces)
-        self._id = int(self.ids.numpy()[0])
+        self._moving = MovingMeshes(self.points.cpu().numpy(), [faces.cpu().numpy()])
 
     def update(self, vertices: Tensor) -> None:
         """Move to new vertex positions (M, 3)."""
-        super().update(vertices)
+        self.points.copy_(vertices.detach())
         self._normals.copy_(vertex_normals(self.points, self.faces))
+        self._moving.move(self.points.cpu().numpy())
 
     def beside(self, points: Tensor, reach: float = LAYER_SEARCH_DISTANCE) -> Beside:
         """Closest places of the garment for points (N, 3) m, no farther than reach, m."""
-        points = points.detach().float().contiguous()
-        distance, normals = torch.zeros_like(points[:, 0]), torch.zeros_like(points)
-        faces = torch.empty_like(distance, dtype=torch.int32)
-        query = (self._id, array(self._normals), array(points), reach, COVERING_COSINE)
-        outputs = map(array, (faces, distance, normals))
-        launch(kernels.beside_sheet, len(points), self.device, *query, *outputs)
-        return Beside(faces.long(), distance, normals)
+        points = points.detach().float()
+        faces, weights = (
+            torch.from_numpy(each).to(points.device)
+            for each in self._moving.closest_faces(0, points.cpu().numpy(), reach)
+        )
+        corners, shares = self.faces[faces.long()], weights[..., None]
+        direction = torch.nn.functional.normalize((shares * self._normals[corners]).sum(1), dim=1)
+        away = points - (shares * self.points[corners]).sum(1)
+        along = (away * direction).sum(1)
+        covered = (faces >= 0) & (along.abs() >= COVERING_COSINE * away.norm(dim=1))
+        return Beside(faces.long().where(covered, -1), along, direction)
 
 
 @dataclass(frozen=True)

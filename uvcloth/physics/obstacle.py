@@ -14,9 +14,9 @@ from torch import Tensor
 
 from uvcloth.bodies.collider import Collider, touch_bits
 from uvcloth.bodies.opened import make_opening
-from uvcloth.physics import kernels, surface
-from uvcloth.physics.launch import array, launch
 from uvcloth.physics.layers import InnerLayer, Layer, inner_layer
+from uvcloth.physics.surface import SEARCH_DISTANCE
+from uvcloth.player.meshes import MovingMeshes
 
 SQUEEZE_GAP = 0.004
 """Metres between two parts of the body below which they squeeze cloth."""
@@ -68,13 +68,14 @@ class Skin:
 class Obstacle:
     """Posed collider: the closed parts of a body that garments are kept out of, opened to give them room.
 
-    body_vertices: (V, 3) m at rest; everything runs on their device.
+    body_vertices: (V, 3) m at rest. Skin is searched on the processor; results are on the device of vertices.
     """
 
     def __init__(self, collider: Collider, body_vertices: Tensor) -> None:
         self.collider, self._rest = collider, body_vertices
         self._opened, self._opening = collider, make_opening(collider, body_vertices)
-        self._parts = surface.MovingMeshes(collider.vertices(body_vertices), collider.parts)
+        rest, parts = collider.vertices(body_vertices), collider.parts
+        self._parts = MovingMeshes(rest.cpu().numpy(), [part.cpu().numpy() for part in parts])
 
     def contact_garment(self, vertices: Tensor, over: Sequence[Layer] = ()) -> ContactGarment:
         """Prepare a garment at rest, vertices (N, 3) m, over others at rest."""
@@ -88,7 +89,7 @@ class Obstacle:
 
     def update(self, body_vertices: Tensor) -> None:
         """Move to the posed body (V, 3), opened."""
-        self._parts.update(self._opening.opened(self.collider.vertices(body_vertices)))
+        self._parts.move(self._opening.opened(self.collider.vertices(body_vertices)).cpu().numpy())
 
     def skin(
         self,
@@ -101,13 +102,10 @@ class Obstacle:
 
         exact: metres outside the body beyond which a distance is a lower bound, not below these.
         """
-        reaches = vertices.new_full((len(vertices),), reach)
-        distance, offsets, gap = (torch.empty_like(reaches) for _ in range(3))
-        normals = torch.empty_like(vertices)
-        query = (*map(array, (garment.touches, vertices, reaches)), exact, SQUEEZE_GAP)
-        results = map(array, (distance, normals, offsets, gap))
-        launch(kernels.closest_touched, len(vertices), vertices.device, self._parts.ids, *query, *results)
-        return Skin(distance, normals, offsets, gap)
+        touches, points = (each.detach().cpu().numpy() for each in (garment.touches, vertices))
+        nearest = self._parts.nearest(touches, points, reach, exact, SQUEEZE_GAP)
+        results = nearest.distances, nearest.normals, nearest.offsets, nearest.gaps
+        return Skin(*(torch.from_numpy(each).to(vertices.device) for each in results))
 
     def skins(self, frames: Tensor, garment: ContactGarment, body_frames: Tensor) -> Iterator[Skin]:
         """Yield the nearest skin of a garment's vertices (F, N, 3) m on the body (F, V, 3) m, by frame.
@@ -116,7 +114,7 @@ class Obstacle:
         """
         for vertices, body_vertices in zip(frames, body_frames, strict=True):
             self.update(body_vertices)
-            yield self.skin(vertices, garment, surface.SEARCH_DISTANCE, MEASURED_DISTANCE)
+            yield self.skin(vertices, garment, SEARCH_DISTANCE, MEASURED_DISTANCE)
 
     def inside_percent(self, frames: Tensor, garment: ContactGarment, body_frames: Tensor) -> Tensor:
         """Percent of a garment's vertices (F, N, 3) that are inside the body (F, V, 3): (F,)."""

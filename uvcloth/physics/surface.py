@@ -1,15 +1,12 @@
-"""Moving triangle meshes, and their points that are closest to others."""
+"""Closest points of surfaces, as tensors; the runtime searches them."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import torch
-import warp as wp
 from torch import Tensor
 
-from uvcloth.physics import kernels
-from uvcloth.physics.launch import array, launch, stream
+from rasterize.raycast import Hits
+from uvcloth.player.meshes import MovingMeshes
 
 FREE = -1.0e6
 """Plane offset of a point without a plane, metres: no product with a normal is less."""
@@ -34,53 +31,38 @@ class SurfacePoints:
     barycentrics: Tensor
 
 
-class MovingMeshes:
-    """Closed meshes over the same moving vertices: one tree each, refitted at every update.
+class BodySurface:
+    """One closed mesh: vertices (V, 3) metres, faces (F, 3).
 
-    vertices: (V, 3) metres, faces: (F, 3) of each; everything runs on the device of `vertices`. A mesh
-    without faces has id 0, which no kernel may query.
+    It is searched on the processor; results are on the device of their points.
     """
 
-    def __init__(self, vertices: Tensor, faces: Sequence[Tensor]) -> None:
-        self.device = vertices.device
-        wp.load_module(kernels, device=str(self.device))
-        self.points = vertices.detach().to(torch.float32).contiguous().clone()
-        with stream(self.device):
-            self._meshes = [
-                wp.Mesh(array(self.points), array(corners.to(self.device, torch.int32).reshape(-1)))
-                if len(corners)
-                else None
-                for corners in faces
-            ]
-            ids = [mesh.id if mesh else 0 for mesh in self._meshes]
-            self.ids: Any = wp.array(ids, dtype=wp.uint64, device=str(self.device))
+    def __init__(self, vertices: Tensor, faces: Tensor) -> None:
+        self.points = vertices.detach().float().clone()
+        self._moving = MovingMeshes(self.points.cpu().numpy(), [faces.cpu().numpy()])
 
     def update(self, vertices: Tensor) -> None:
         """Move to new vertex positions (V, 3)."""
         self.points.copy_(vertices.detach())
-        with stream(self.device):
-            for mesh in filter(None, self._meshes):
-                mesh.refit()
-
-
-class BodySurface(MovingMeshes):
-    """One closed mesh: vertices (V, 3) metres, faces (F, 3)."""
-
-    def __init__(self, vertices: Tensor, faces: Tensor) -> None:
-        super().__init__(vertices, (faces,))
-        self._id = int(self.ids.numpy()[0])
+        self._moving.move(self.points.cpu().numpy())
 
     def closest(self, points: Tensor, max_distance: float = SEARCH_DISTANCE) -> SurfacePoints:
         """The closest surface point of each of N points (N, 3), signed by the side that it is on."""
-        points = self._input(points)
-        count = len(points)
-        distance = points.new_empty(count)
-        closest, normal, barycentrics = (torch.zeros_like(points) for _ in range(3))
-        face = torch.empty(count, dtype=torch.int32, device=self.device)
-        outputs = map(array, (distance, closest, normal, face, barycentrics))
-        query = (self._id, array(points), max_distance)
-        launch(kernels.closest_point, count, self.device, *query, *outputs)
-        return SurfacePoints(distance, closest, normal, face.long(), barycentrics)
+        closest = self._moving.signed_distances(0, points.detach().cpu().numpy(), max_distance)
+        results = closest.distances, closest.places, closest.normals, closest.faces, closest.weights
+        distance, places, normals, faces, weights = (
+            torch.from_numpy(each).to(points.device) for each in results
+        )
+        return SurfacePoints(distance, places, normals, faces.long(), weights)
 
-    def _input(self, values: Tensor) -> Tensor:
-        return values.detach().to(device=self.device, dtype=torch.float32).contiguous()
+
+def closest_points(points: Tensor, vertices: Tensor, faces: Tensor) -> Hits:
+    """The surface point nearest to each point: points (R, 3), vertices (V, 3), faces (F, 3).
+
+    All are on the processor. It misses only points that are not finite.
+    """
+    meshes = MovingMeshes(vertices.detach().numpy(), [faces.numpy()])
+    face, barycentrics = map(torch.from_numpy, meshes.closest_faces(0, points.detach().numpy(), torch.inf))
+    hits = Hits(face.long(), barycentrics, torch.full((len(points),), torch.inf))
+    away = (points.float() - hits.interpolate(vertices.float(), faces)).norm(dim=1)
+    return Hits(hits.face, hits.barycentrics, torch.where(hits.hit, away, torch.inf))

@@ -1,4 +1,4 @@
-"""Distances along a surface by the runtime: its edges are a graph in compressed rows."""
+"""Surfaces as graphs in the runtime, edges in compressed rows: distances along them, and edges evened."""
 
 import ctypes
 from typing import Any
@@ -46,3 +46,23 @@ class SurfaceGraph:
             ctypes.byref(self._view), pointer(sources), len(sources), ctypes.c_float(spacing), pointer(clear)
         )
         return clear
+
+    def even_edges(
+        self,
+        vertices: NDArray[Any],
+        curvatures: NDArray[Any],
+        normals: NDArray[Any],
+        offsets: NDArray[Any],
+        passes: int,
+    ) -> Floats:
+        """Vertices (V, 3) m, moved in so many passes until edges are near the graph's lengths.
+
+        curvatures: (V,) m, lengths of the mean ways to their neighbours at rest. normals: (V, 3) and offsets:
+        (V,) m, the least product of a vertex with its normal.
+        """
+        positions = np.array(vertices, np.float32, order="C")
+        limits = [np.ascontiguousarray(each, np.float32) for each in (curvatures, normals, offsets)]
+        library().uvc_even_edges(
+            ctypes.byref(self._view), *map(pointer, limits), ctypes.c_int(passes), pointer(positions)
+        )
+        return positions

@@ -6,11 +6,18 @@ from uvcloth.errors import InputError
 from uvcloth.simulate.blender import find_blender
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.explicit import Explicit
-from uvcloth.simulate.newton import Newton
+
+
+def _newton() -> Engine:
+    # Imported here: Warp, which it runs on, takes a second to start.
+    from uvcloth.simulate.newton import Newton
+
+    return Newton()
+
 
 ENGINES: dict[str, Callable[[], Engine]] = {
     "explicit": Explicit,
-    "newton": Newton,
+    "newton": _newton,
     "blender": find_blender,
 }
 """Functions that make each; they raise InputError if the engine is not installed."""

@@ -22,6 +22,7 @@ from train.pbns.poses import Poses
 from train.pbns.run import LOOPS
 from train.pbns.smoothing import GradientSmoothing
 from train.pbns.supervision import SettledPoses, Supervision, SupervisionConfig
+from train.posed_batch import empty_cache
 from train.settled import SETTLED_FILE
 from train.state import STATE
 from uvcloth.bodies.body import Body
@@ -36,7 +37,6 @@ from uvcloth.methods.pbns.network import PBNSConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.poses import save_poses
 from uvcloth.physics.layers import Layer
-from uvcloth.physics.posed_batch import empty_cache
 from uvcloth.physics.surface import FREE
 from uvcloth.rollout import rollout
 

@@ -13,9 +13,10 @@ import warp as wp
 from torch import Tensor
 
 from uvcloth.geometry.mesh import vertex_normals
-from uvcloth.physics import kernels
-from uvcloth.physics.launch import array, launch, stream
 from uvcloth.physics.surface import FREE, SEARCH_DISTANCE
+
+from . import kernels
+from .launch import array, launch, stream
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ import torch
 import trimesh
 from torch import Tensor
 
+from train.posed_batch import ClosestPointCache, Planes, PosedMeshBatch, empty_cache
 from uvcloth.geometry.mesh import vertex_normals
-from uvcloth.physics.posed_batch import ClosestPointCache, Planes, PosedMeshBatch, empty_cache
 from uvcloth.physics.surface import FREE, SEARCH_DISTANCE, BodySurface
 
 NEAR = 0.004
@@ -65,7 +65,7 @@ def test_planes_are_those_of_each_pose_alone(mesh: tuple[Tensor, Tensor], copies
         assert 100 < int(touched.sum()) < 600
         assert torch.equal(found < 1.0, touched)
         torch.testing.assert_close(found[touched], alone.signed_distance[touched], atol=1e-6, rtol=0)
-        torch.testing.assert_close(normals[touched], alone.normals[touched], atol=1e-4, rtol=0)
+        torch.testing.assert_close(normals[touched], alone.normals[touched], atol=1e-3, rtol=0)
 
 
 def test_points_outside_touch_nothing_and_those_deep_inside_do() -> None:

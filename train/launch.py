@@ -28,30 +28,22 @@ def stream(device: torch.device) -> wp.ScopedStream:
 
 
 def launch(kernel: wp.Kernel, count: int, device: torch.device, *arguments: Any) -> None:
-    """Run a kernel for `count` items; its first argument is the first item of the share."""
-    run(record(kernel, count, device, *arguments), device)
+    """Run a kernel for `count` items, on a processor one share per core, and there wait for it.
 
-
-def record(kernel: wp.Kernel, count: int, device: torch.device, *arguments: Any) -> tuple[wp.Launch, ...]:
-    """Record a launch, one share per core, that can be run again and again at little cost."""
+    The kernel's first argument is the first item of the share.
+    """
     # Warp runs a CPU kernel on one core and without the interpreter's lock.
     cores = torch.get_num_threads() if device.type == "cpu" else 1
     shares = max(1, min(cores, count // LEAST_ITEMS_PER_THREAD))
     bounds = [count * index // shares for index in range(shares + 1)]
-    return tuple(
+    first, *others = (
         wp.launch(kernel, end - start, [start, *arguments], device=str(device), record_cmd=True)
         for start, end in pairwise(bounds)
-        if end > start
     )
-
-
-def run(shares: tuple[wp.Launch, ...], device: torch.device) -> None:
-    """Run a recorded launch and, on a processor, wait for it."""
-    others = [_workers().submit(share.launch) for share in shares[1:]]
+    waiting = [_workers().submit(share.launch) for share in others]
     with stream(device):
-        for share in shares[:1]:
-            share.launch()
-    for other in others:
+        first.launch()
+    for other in waiting:
         other.result()
 
 

@@ -1,5 +1,5 @@
 # mypy: ignore-errors
-"""Warp kernels, CPU and CUDA alike: closest points and rays on triangle meshes, and edge lengths."""
+"""Warp kernels of training, CPU and CUDA alike: closest points and rays on triangle meshes."""
 
 import warp as wp
 
@@ -77,28 +77,6 @@ def signed_closest(mesh: wp.uint64, point: wp.vec3, reach: float, side: float):
         u = query.u
         v = query.v
     return distance, place, direction, face, u, v
-
-
-@wp.kernel
-def closest_point(
-    share: int,
-    mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    reach: float,
-    distance: wp.array(dtype=float),
-    closest: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
-    face: wp.array(dtype=int),
-    barycentrics: wp.array(dtype=wp.vec3),
-):
-    """Find the surface point closest to each point, negative distance inside; face -1 beyond the reach."""
-    i = share + wp.tid()
-    separation, place, direction, index, u, v = signed_closest(mesh, points[i], reach, 0.0)
-    distance[i] = separation
-    closest[i] = place
-    normal[i] = direction
-    face[i] = index
-    barycentrics[i] = wp.vec3(u, v, 1.0 - u - v)
 
 
 @wp.func
@@ -197,47 +175,6 @@ def beside_sheet(
 
 
 @wp.kernel
-def project_edges(
-    share: int,
-    now: wp.array(dtype=wp.vec3),
-    before: wp.array(dtype=wp.vec3),
-    first: wp.array(dtype=int),
-    neighbours: wp.array(dtype=int),
-    lengths: wp.array(dtype=float),
-    curvatures: wp.array(dtype=float),
-    normals: wp.array(dtype=wp.vec3),
-    offsets: wp.array(dtype=float),
-    step: float,
-    bend: float,
-    momentum: float,
-):
-    """Move the ends of each edge by half of its error in length, averaged; the result replaces `before`.
-
-    The share `bend` of the curvature beyond that at rest is removed. A vertex stays on the outer side of its
-    plane, which is given by a normal and the least product with it.
-    """
-    i = share + wp.tid()
-    place = now[i]
-    pull = wp.vec3(0.0)
-    curve = wp.vec3(0.0)
-    begin = first[i]
-    end = first[i + 1]
-    for k in range(begin, end):
-        edge = now[neighbours[k]] - place
-        curve += edge
-        pull += edge * (1.0 - lengths[k] / wp.max(wp.length(edge), 1.0e-9))
-    each = 1.0 / wp.max(float(end - begin), 1.0)
-    curve *= each
-    excess = wp.max(1.0 - curvatures[i] / wp.max(wp.length(curve), 1.0e-9), 0.0)
-    target = place + 0.5 * step * each * pull + bend * excess * curve
-    target = before[i] + momentum * (target - before[i])
-    depth = offsets[i] - wp.dot(normals[i], target)
-    if depth > 0.0:
-        target += depth * normals[i]
-    before[i] = target
-
-
-@wp.kernel
 def closest_in_batch(
     share: int,
     meshes: wp.array(dtype=wp.uint64),
@@ -283,41 +220,3 @@ def closest_in_batch(
                     direction = corners[start + wp.mesh_get_index(mesh, 3 * face + k)]
         normal[i] = direction
         offset[i] = wp.dot(direction, place)
-
-
-@wp.func
-def apart(corner: wp.vec3, along: wp.vec3):
-    """Test that a corner lies at neither end of the edge from the origin along a vector."""
-    return wp.length_sq(corner) > 0.0 and wp.length_sq(corner - along) > 0.0
-
-
-@wp.kernel
-def crossing_edges(
-    share: int,
-    meshes: wp.array(dtype=wp.uint64),
-    points: wp.array(dtype=wp.vec3),
-    edges: wp.array(dtype=int),
-    crosses: wp.array(dtype=int),
-):
-    """Test for each edge (two points) that it crosses a face of the only mesh with no corner at its ends."""
-    i = share + wp.tid()
-    start = points[edges[2 * i]]
-    along = points[edges[2 * i + 1]] - start
-    crosses[i] = 0
-    lower = start + wp.min(along, wp.vec3(0.0))
-    upper = start + wp.max(along, wp.vec3(0.0))
-    query = wp.mesh_query_aabb(meshes[0], lower, upper)
-    face = int(0)  # noqa: UP018, RUF046
-    while wp.mesh_query_next(query, face):
-        a = wp.mesh_get_point(meshes[0], 3 * face) - start
-        b = wp.mesh_get_point(meshes[0], 3 * face + 1) - start
-        c = wp.mesh_get_point(meshes[0], 3 * face + 2) - start
-        if apart(a, along) and apart(b, along) and apart(c, along):
-            normal = wp.cross(b - a, c - a)
-            # The ends are on either side of the face's plane, and the corners turn one way around the edge.
-            ends = wp.dot(a, normal) * wp.dot(a - along, normal)
-            u = wp.dot(along, wp.cross(a, b))
-            v = wp.dot(along, wp.cross(b, c))
-            w = wp.dot(along, wp.cross(c, a))
-            if ends < 0.0 and wp.min(wp.min(u, v), w) * wp.max(wp.max(u, v), w) > 0.0:
-                crosses[i] = 1
