@@ -19,11 +19,12 @@ from uvcloth.commands import page_file
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_file import WASM, add_clips, write_page
+from uvcloth.commands.page_characters import add_clips
+from uvcloth.commands.page_file import WASM, write_page
 from uvcloth.commands.play_motion import retargeted
 from uvcloth.errors import InputError
 from uvcloth.motion.options import MotionOptions
-from uvcloth.player.baked import EXTENSION, open_baked
+from uvcloth.player.baked import EXTENSION, BakedFile, open_baked
 from uvcloth.player.outfit import Cloth, Outfit
 
 needs_wasm = pytest.mark.skipif(
@@ -66,6 +67,15 @@ def folder(skirt: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("site") / "below"
     write_page(Page(out, (skirt,)))
     return out
+
+
+@pytest.fixture(scope="module")
+def qualities(skirt: Path, folder: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The page of a folder beside the skirt's, which has it in two qualities; its name."""
+    fast = tmp_path_factory.mktemp("fast") / "another name.glb"
+    fast.write_bytes(skirt.read_bytes())
+    write_page(Page(folder / "qualities", (skirt,), fast=(fast,)))
+    return "qualities/"
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +143,23 @@ def test_bad_input_is_one_sentence(skirt: Path, tmp_path: Path) -> None:
         with pytest.raises(InputError, match=words):
             write_page(Page(tmp_path / "out", paths))
     assert not (tmp_path / "out").exists()
+
+
+@needs_wasm
+def test_the_fast_quality_has_to_be_of_the_same_garments(
+    skirt: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    out = tmp_path_factory.mktemp("out")
+    other = out / "other.glb"
+    bake(Bake(("tops",), other, motion="walk", quality="fast", options=MotionOptions(frames="20:24")))
+    for page, words in (
+        (Page(out / "page", (skirt,), fast=(other,)), "other joints or garments"),
+        (Page(out / "page", (skirt,), fast=(skirt, skirt)), "one for each"),
+        (Page(out / "page", fast=(skirt,)), "name the files"),
+    ):
+        with pytest.raises(InputError, match=words):
+            write_page(page)
+    assert not (out / "page").exists()
 
 
 def test_without_the_module_the_command_says_how_to_get_it(
@@ -246,8 +273,7 @@ WATCH = """(() => {
 
 MARK = """(() => {
   const { mesh } = uvcloth.hand.marks.find(({ part }) => part === "%s");
-  const { x, y } = mesh.position.clone().project(uvcloth.stage.camera);
-  return [(x / 2 + 0.5) * innerWidth, (0.5 - y / 2) * innerHeight, ...mesh.position];
+  return [...uvcloth.stage.onPage(mesh.position), ...mesh.position];
 })()"""
 
 
@@ -403,7 +429,7 @@ def test_garments_are_hidden_and_strain_and_cages_shown(browser: Chromium, addre
         """(() => {
           const { points, rest, meshes } = uvcloth.cloth.garments[0];
           rest.forEach((x, i) => { points[i] = 1.1 * x; });
-          uvcloth.view.strain.update();
+          uvcloth.overlays.strains[0].update();
           return [...meshes[0].geometry.attributes.color.array];
         })()"""
     )
@@ -411,10 +437,10 @@ def test_garments_are_hidden_and_strain_and_cages_shown(browser: Chromium, addre
         np.reshape(colours, (-1, 3)), [[0.8, 0.31, 0.035]] * (len(colours) // 3), atol=1e-3
     )
     browser.value(layer % "cage")
-    browser.wait_for("uvcloth.view.cage.lines.geometry.attributes.position.array.some((x) => x)")
+    browser.wait_for("uvcloth.overlays.cages[0]?.lines.geometry.attributes.position.array.some((x) => x)")
     lines = browser.value(
         """(({ index, attributes }) => [[...index.array], [...attributes.position.array]])(
-          uvcloth.view.cage.lines.geometry)"""
+          uvcloth.overlays.cages[0].lines.geometry)"""
     )
     outfit = Outfit(open_baked(skirt).content)
     faces = outfit.cage_faces()
@@ -488,6 +514,86 @@ def test_a_bvh_file_is_retargeted_as_the_laboratory_does_it(
     higher = frames[..., 2, 3] - expected[..., 2, 3]
     np.testing.assert_allclose(higher, higher.mean(), atol=1e-3)
     assert abs(higher.mean()) < 0.15
+    assert browser.errors == []
+
+
+PANES = """new Promise((done) => {
+  const { playback } = uvcloth, out = [];
+  playback.onFrame = ({ joints, answers }) => {
+    out.push({ joints: [...joints], panes: answers.map(({ vertices }) => [...vertices[0]]) });
+    if (out.length === 10) done(out);
+  };
+  playback.start(playback.clip, 0);
+})"""
+
+
+@needs_wasm
+@needs_browser
+def test_methods_are_shown_beside_each_other(
+    browser: Chromium, address: str, qualities: str, skirt: Path
+) -> None:
+    open_page(browser, address + qualities)
+    browser.value("uvcloth.beside.choose(uvcloth.beside.methods)")
+    browser.wait_for("document.querySelectorAll('.label').length === 3")
+    names = browser.value("[...document.querySelectorAll('.label')].map((each) => each.textContent)")
+    for name, start in zip(names, ("cloth, default", "cloth, fast", "skinning"), strict=True):
+        assert name.startswith(f"{start}live")
+    # Side by side, of one size.
+    places = browser.value("uvcloth.stage.panes")
+    assert len({(each["width"], each["top"]) for each in places}) == 1
+    assert places[0]["left"] + places[0]["width"] < places[1]["left"]
+    frames = browser.value(PANES)
+    baked = open_baked(skirt)
+    points, weights = skinned_garment(baked)
+    for frame in frames:
+        joints = np.reshape(frame["joints"], (-1, 3, 4))
+        own, other, skinned = (np.reshape(each, (-1, 3)) for each in frame["panes"])
+        # The same outfit in both qualities here: the second runtime knows nothing of the first.
+        np.testing.assert_array_equal(own, other)
+        blended = np.einsum("nj,jrc->nrc", weights, joints)
+        expected = np.einsum("nrc,nc->nr", blended[..., :3], points) + blended[..., 3]
+        np.testing.assert_allclose(skinned, baked.in_scene(expected), atol=1e-5)
+    assert browser.errors == []
+
+
+def skinned_garment(baked: BakedFile) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N, 3) of the only garment at rest, in the runtime's world, and their blend weights (N, J)."""
+    (garment,) = baked.garments
+    (primitive,) = baked.file.entries("meshes")[baked.file.entries("nodes")[garment.node]["mesh"]][
+        "primitives"
+    ]
+    names = primitive["attributes"]
+    place, joints, shares = (
+        baked.file.array(names[name], kind)
+        for name, kind in (("POSITION", "VEC3"), ("JOINTS_0", "VEC4"), ("WEIGHTS_0", "VEC4"))
+    )
+    points, weights = np.zeros((garment.size, 3)), np.zeros((garment.size, len(baked.skin.nodes)))
+    points[garment.vertices] = place @ baked.skin.axes[:3, :3].T
+    weights[garment.vertices[:, None], joints] = shares / shares.sum(1, keepdims=True)
+    return points, weights
+
+
+@needs_wasm
+@needs_browser
+def test_a_machine_that_is_too_slow_takes_the_fast_quality(
+    browser: Chromium, address: str, qualities: str
+) -> None:
+    browser.open(address + qualities)
+    browser.wait_for("Boolean(globalThis.uvcloth)")
+    browser.value(
+        """(() => {
+          const { playback } = uvcloth, old = playback.onFrame;
+          playback.onFrame = (frame) => {
+            if (uvcloth.beside.first.quality === "default") frame.answers[0].parts.cloth = 50;
+            old(frame);
+          };
+        })()"""
+    )
+    browser.wait_for(
+        "uvcloth.beside.first.quality === 'fast' && uvcloth.playback.panes[0].method.quality === 'fast'"
+    )
+    assert "it goes on in fast quality" in browser.value(SAID)
+    assert browser.value("document.getElementById('quality').selectedOptions[0].text") == "fast"
     assert browser.errors == []
 
 

@@ -23,6 +23,16 @@ class Page:
         ]
     ] = ()
     """Files that `uvcloth bake` wrote, with their animations."""
+    fast: Annotated[
+        tuple[Path, ...],
+        arg(
+            metavar="GLB ...",
+            help="The same characters in the same garments, baked with `--quality fast`, in the same order: "
+            "slow machines take that quality, and a visitor may.",
+            help_behavior_hint="",
+        ),
+        Source((".glb",)),
+    ] = ()
 
     def run(self) -> None:
         """Write the page and say where it is. Raises InputError for bad input."""

@@ -78,8 +78,9 @@ export class Hand {
     this.stage.canvas.style.cursor = mark ? (this.held === undefined ? "grab" : "grabbing") : "";
   }
 
+  // Within the pane in which the pointer has taken something.
   #aim({ clientX, clientY }) {
-    const { left, top, width, height } = this.stage.canvas.getBoundingClientRect();
+    const { left, top, width, height } = this.pane;
     this.aim = new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height);
   }
 
@@ -90,10 +91,10 @@ export class Hand {
   }
 
   #nearest({ clientX, clientY, pointerType }) {
-    const { left, top, width, height } = this.stage.canvas.getBoundingClientRect();
+    this.pane = this.stage.paneAt(clientX, clientY);
     const distances = this.marks.map(({ joint }) => {
-      const { x, y } = placeOf(joint).project(this.stage.camera);
-      return Math.hypot((0.5 + x / 2) * width + left - clientX, (0.5 - y / 2) * height + top - clientY);
+      const [x, y] = this.stage.onPage(placeOf(joint), this.pane);
+      return Math.hypot(x - clientX, y - clientY);
     });
     const least = Math.min(...distances);
     return least < (NEAR[pointerType] ?? NEAR.mouse) ? this.marks[distances.indexOf(least)] : null;
