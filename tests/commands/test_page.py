@@ -6,12 +6,14 @@ import re
 import struct
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from tests.commands.chromium import PROGRAM, Chromium
 from tests.motion.bvh_text import bvh_text, performer, still
@@ -22,6 +24,8 @@ from uvcloth.commands.page import Page
 from uvcloth.commands.page_characters import add_clips
 from uvcloth.commands.page_file import WASM, write_page
 from uvcloth.commands.play_motion import retargeted
+from uvcloth.dataset.clip import SimulatedClip, clip_of_garment
+from uvcloth.dataset.clip_file import load_simulated, save_simulated
 from uvcloth.errors import InputError
 from uvcloth.motion.options import MotionOptions
 from uvcloth.player.baked import EXTENSION, BakedFile, open_baked
@@ -571,6 +575,133 @@ def skinned_garment(baked: BakedFile) -> tuple[np.ndarray, np.ndarray]:
     points[garment.vertices] = place @ baked.skin.axes[:3, :3].T
     weights[garment.vertices[:, None], joints] = shares / shares.sum(1, keepdims=True)
     return points, weights
+
+
+WARM_UP, LIFTED = 4, 0.01
+"""Frames of the simulation below that do not count, and metres that its prediction is too high."""
+
+
+def played(skirt: Path, frames: int) -> SimulatedClip:
+    """The skirt's first animation as a simulation, by the runtime that the page has too."""
+    baked = open_baked(skirt)
+    transforms, cloth = baked.motion(fps=30.0).transforms[:frames], Cloth(Outfit(baked.content))
+    cloth.start(transforms[0])
+    vertices = []
+    for joints in transforms:
+        cloth.step(joints, 1.0 / 30.0)
+        vertices.append(cloth.vertices(0))
+    (garment,) = baked.garments
+    rest, _ = skinned_garment(baked)
+    node = baked.file.entries("nodes")[garment.node]
+    (primitive,) = baked.file.entries("meshes")[node["mesh"]]["primitives"]
+    faces = garment.vertices[baked.file.array(primitive["indices"], "SCALAR").reshape(-1, 3)]
+    return clip_of_garment(
+        torch.from_numpy(np.array(vertices, np.float32)),
+        torch.from_numpy(faces),
+        torch.from_numpy(rest.astype(np.float32)),
+        torch.from_numpy(transforms.astype(np.float32)),
+        30.0,
+        WARM_UP,
+        {"clip": "a walk", "garment": "skirt"},
+    )
+
+
+@pytest.fixture(scope="module")
+def simulation(skirt: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A simulation of the skirt, and a prediction of it that lacks the warm-up."""
+    folder, clip = tmp_path_factory.mktemp("simulation"), played(skirt, 24)
+    sequence, predicted = folder / "sequence.npz", folder / "predicted.npz"
+    save_simulated(clip, sequence)
+    np.savez(
+        predicted, vertices=clip.vertices.numpy()[WARM_UP:] + np.array([0, 0, LIFTED], np.float32), fps=30.0
+    )
+    return sequence, predicted
+
+
+@needs_wasm
+@needs_browser
+def test_errors_are_those_against_the_stored_simulation(
+    browser: Chromium, folder: Path, address: str, skirt: Path, simulation: tuple[Path, Path]
+) -> None:
+    sequence, predicted = simulation
+    write_page(Page(folder / "compared", (skirt,), simulated=sequence, predicted=(f"lifted={predicted}",)))
+    browser.open(f"{address}compared/")
+    browser.wait_for("Boolean(globalThis.uvcloth)")
+    browser.value("uvcloth.stage.light.castShadow = false")
+    # The cloth is measured where it has come the whole way; a second time round it starts from the same rest.
+    names = "[...document.querySelectorAll('.label')].map((each) => each.textContent)"
+    browser.wait_for(
+        f"{names}.length === 4 && uvcloth.comparison.errors.mean(uvcloth.beside.first).share === 1"
+    )
+    assert browser.value(names) == [
+        "cloth, as it was bakedlive",
+        "simulationstored frames",
+        "liftedstored frames",
+        "skinninglive",
+    ]
+    curves = browser.value(
+        """uvcloth.beside.methods.map((method) =>
+          [method.name, [...uvcloth.comparison.errors.curve(method)]])"""
+    )
+    errors = {name: np.array(curve, dtype=float) for name, curve in curves}
+    # Stored frames are rounded to 0.05 mm; compilers round in other ways, and cloth goes apart from there.
+    assert np.max(errors["cloth"][:10]) < 0.1
+    assert np.max(errors["cloth"]) < 5.0
+    assert np.isnan(errors["lifted"][:WARM_UP]).all()
+    np.testing.assert_allclose(errors["lifted"][WARM_UP:], 1000 * LIFTED, atol=0.1)
+    clip, (points, weights) = load_simulated(sequence), skinned_garment(open_baked(skirt))
+    blended = np.einsum("nj,fjrc->fnrc", weights, clip.transforms.numpy())
+    skinned = np.einsum("fnrc,nc->fnr", blended[..., :3], points) + blended[..., 3]
+    expected = 1000 * np.linalg.norm(skinned - clip.vertices.numpy(), axis=2).mean(1)
+    np.testing.assert_allclose(errors["skinning"], expected, atol=0.01)
+    # What is told is the mean of the frames after the warm-up.
+    told = browser.value("[...document.querySelectorAll('.figures .error')].map((each) => each.textContent)")
+    assert told[1:] == ["", f"{1000 * LIFTED:.1f} mm", f"{expected[WARM_UP:].mean():.1f} mm"]
+    stored = browser.value("[...uvcloth.comparison.errors.truth.vertices(7)]")
+    np.testing.assert_allclose(np.reshape(stored, (-1, 3)), clip.vertices.numpy()[7], atol=1e-6)
+    # A time that is chosen is shown at once where no cloth has to come to rest.
+    browser.value("uvcloth.playback.preview(uvcloth.playback.clip, 0.5)")
+    assert browser.value("uvcloth.playback.panes.map(({ isThere }) => isThere)") == [False, True, True, True]
+    # A hand leads the figure away from its stored frames.
+    browser.value("uvcloth.playback.start(uvcloth.playback.clip, 0.3); uvcloth.playback.toggle()")
+    browser.wait_for("uvcloth.playback.panes[0].isThere")
+    drag(browser, "left_hand", (20.0, -30.0))
+    browser.wait_for("!uvcloth.playback.panes[1].isThere && uvcloth.playback.panes[0].isThere")
+    browser.wait_for("document.querySelectorAll('.note:not([hidden])').length === 2")
+    assert browser.errors == []
+
+
+@needs_wasm
+def test_a_simulation_has_to_be_of_the_garment(
+    skirt: Path, simulation: tuple[Path, Path], tmp_path: Path
+) -> None:
+    sequence, predicted = simulation
+    clip = load_simulated(sequence)
+    (garment,) = clip.garments
+    changed = {
+        "torn.npz": replace(clip, garments=(replace(garment, faces=garment.faces[:-1]),)),
+        "larger.npz": replace(clip, garments=(replace(garment, rest=1.1 * garment.rest),)),
+        "film.npz": replace(clip, fps=24.0),
+        "fewer.npz": replace(clip, transforms=clip.transforms[:, :-1]),
+    }
+    for name, each in changed.items():
+        save_simulated(each, tmp_path / name)
+    np.savez(tmp_path / "short.npz", vertices=garment.vertices[:5].numpy())
+    out = tmp_path / "out"
+    for page, words in (
+        (Page(out, (skirt,), simulated=tmp_path / "torn.npz"), "their faces differ"),
+        (Page(out, (skirt,), simulated=tmp_path / "larger.npz"), "another mesh than that"),
+        (Page(out, (skirt,), simulated=tmp_path / "film.npz"), "24 frames per second"),
+        (Page(out, (skirt,), simulated=tmp_path / "fewer.npz"), "joints, the body of"),
+        (Page(out, (skirt, skirt), simulated=sequence), "on one file"),
+        (Page(out, (skirt,), predicted=("a=b",)), "--predicted: needs --simulated"),
+        (Page(out, (skirt,), simulated=sequence, predicted=("a=b",)), "no such file"),
+        (Page(out, (skirt,), simulated=sequence, predicted=(f"a={tmp_path / 'short.npz'}",)), "has 5 frames"),
+        (Page(out, (skirt,), simulated=sequence, predicted=(f"skinning={predicted}",)), "another method"),
+    ):
+        with pytest.raises(InputError, match=words):
+            write_page(page)
+    assert not out.exists()
 
 
 @needs_wasm

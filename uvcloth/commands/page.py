@@ -6,7 +6,8 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from uvcloth.files.options import NewFolder, Source
+from uvcloth.commands.options import NPZ, BodyFile
+from uvcloth.files.options import NewFolder, Source, Text
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,29 @@ class Page:
         ),
         Source((".glb",)),
     ] = ()
+    simulated: Annotated[
+        Path | None,
+        arg(
+            metavar="NPZ",
+            help="A sequence that `uvcloth simulate` wrote: the page plays its motion, and draws the error "
+            "of each method against it. The file has to wear that garment alone; without one, the template "
+            "of that name is baked on the body.",
+            help_behavior_hint="",
+        ),
+        NPZ,
+    ] = None
+    predicted: Annotated[
+        tuple[str, ...],
+        arg(
+            metavar="NAME=FILE ...",
+            help="With --simulated: the same sequence by other methods, as `uvcloth rollout` or other "
+            "programs write it (.npz, .pc2, .mdd, .abc, .usd), played from stored frames.",
+            help_behavior_hint="",
+        ),
+        Text(r"[^=]+=.+", "NAME=FILE"),
+    ] = ()
+    body: BodyFile = None
+    """With --simulated: the body of the simulation, made by `uvcloth body`."""
 
     def run(self) -> None:
         """Write the page and say where it is. Raises InputError for bad input."""

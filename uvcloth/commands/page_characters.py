@@ -1,10 +1,13 @@
 """Characters of a web page: baked files, and other ways to move their garments beside them."""
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from uvcloth.errors import InputError
 from uvcloth.player.baked import BakedFile, open_baked
@@ -21,13 +24,15 @@ CLIPS = ("walk", "twirl", "jump", "dance")
 class PageMethod:
     """A way to move the garments of a character, beside others.
 
-    kind: baked (the cloth of the character's file, in the quality `name`), outfit (that of another quality).
-    content: of the file that the page reads for it, None where it needs none.
+    kind: baked (the cloth of the character's file, in the quality `name`), outfit (that of another quality),
+    frames (stored ones), truth (stored ones that others are compared with). content: of the file that the
+    page reads for it, None where it needs none. warm_up: frames of the truth that are not compared.
     """
 
     name: str
-    kind: Literal["baked", "outfit"]
+    kind: Literal["baked", "outfit", "frames", "truth"]
     content: bytes | None = None
+    warm_up: int | None = None
 
 
 @dataclass(frozen=True)
@@ -40,7 +45,7 @@ class Character:
 
     def file_of(self, method: PageMethod) -> str:
         """Name of a method's file on the page."""
-        return f"{self.name.removesuffix('.glb')}.{method.name}.bin"
+        return f"{self.name.removesuffix('.glb')}.{self.methods.index(method)}.bin"
 
     @property
     def files(self) -> dict[str, bytes]:
@@ -71,13 +76,14 @@ def load_characters(paths: Sequence[Path], fast: Sequence[Path]) -> tuple[Charac
     return tuple(characters.values())
 
 
-def open_whole(path: Path) -> BakedFile:
-    """A baked file with an animation. Raises InputError for one that is damaged, or none."""
+def open_whole(path: Path, animated: bool = True) -> BakedFile:
+    """A baked file. animated: with an animation. Raises InputError for one that is damaged, or none."""
     try:
         baked = open_baked(path)
         outfit = Outfit(baked.content)
         baked.require_fit(outfit.joints, outfit.garments)
-        baked.motion()
+        if animated:
+            baked.motion()
     except ValueError as error:
         raise InputError(str(error)) from error
     return baked
@@ -112,15 +118,24 @@ def add_clips(path: Path, clips: Sequence[str]) -> None:
     import torch
 
     from uvcloth.bodies.body import load_body
+    from uvcloth.motion.library import load_clip
+
+    body = load_body()
+    loaded = {name: load_clip(name, body) for name in clips}
+    add_animations(
+        path, {name: (clip.transforms(torch.float64).numpy(), clip.fps) for name, clip in loaded.items()}
+    )
+
+
+def add_animations(path: Path, animations: Mapping[str, tuple[NDArray[np.float64], float]]) -> None:
+    """Add animations to a baked file, behind its own: transforms (F, J, 3, 4) from rest, m, and their fps."""
     from uvcloth.export.gltf_cloth import animate_cloth
     from uvcloth.export.gltf_reopened import reopened
     from uvcloth.formats.gltf import read_gltf
-    from uvcloth.motion.library import load_clip
 
-    skin, document, body = open_baked(path).skin, reopened(read_gltf(path)), load_body()
-    for name in clips:
-        clip = load_clip(name, body)
-        animate_cloth(document, skin, clip.transforms(torch.float64).numpy(), clip.fps)
+    skin, document = open_baked(path).skin, reopened(read_gltf(path))
+    for name, (transforms, fps) in animations.items():
+        animate_cloth(document, skin, transforms, fps)
         animation = {"name": name, "samplers": document.samplers, "channels": document.channels}
         document.animations.append(animation)
         document.samplers, document.channels = [], []

@@ -12,6 +12,7 @@ from urllib.parse import quote
 
 from uvcloth.commands.page import Page
 from uvcloth.commands.page_characters import Character, bake_own, load_characters
+from uvcloth.commands.page_comparison import compared_character
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write
 from uvcloth.physics.fabric import FABRICS
@@ -24,8 +25,8 @@ THREE = "three.min.js"
 MODULES = (
     *("runtime.js", "cloth.js", "figure.js", "covered.js", "strain.js", "cage.js", "overlays.js"),
     *("transition.js", "limb.js", "grip.js", "motion.js", "playback.js", "roles.js", "retarget.js", "bvh.js"),
-    *("layout.js", "scene.js", "hand.js", "files.js", "pane.js", "skinning.js", "methods.js", "beside.js"),
-    *("opening.js", "page.js"),
+    *("layout.js", "scene.js", "hand.js", "files.js", "arrays.js", "frames.js", "pane.js", "skinning.js"),
+    *("methods.js", "beside.js", "errors.js", "curve.js", "comparison.js", "opening.js", "page.js"),
 )
 """Modules of the page, each after those that it imports."""
 
@@ -60,9 +61,7 @@ def write_page(command: Page) -> Written:
             "page: the runtime for WebAssembly is not installed; `make wasm` compiles it in a checkout, and "
             "wheels have it"
         )
-    if command.fast and not command.file:
-        raise InputError("--fast: name the files that these are the fast quality of")
-    characters = load_characters(command.file, command.fast) if command.file else bake_own()
+    characters = _characters(command)
     page = _filled((SOURCES / "index.html").read_text(encoding="utf-8"), characters)
     parts = {"uvcloth.wasm": WASM.read_bytes()}
     for character in characters:
@@ -78,6 +77,16 @@ def write_page(command: Page) -> Written:
     for name, content in written.items():
         _write(command.out / name, content)
     return Written(command.out / "index.html", {name: len(content) for name, content in written.items()})
+
+
+def _characters(command: Page) -> tuple[Character, ...]:
+    if command.fast and not command.file:
+        raise InputError("--fast: name the files that these are the fast quality of")
+    if command.simulated is not None:
+        return (compared_character(command, command.simulated),)
+    if command.predicted or command.body:
+        raise InputError(f"--{'predicted' if command.predicted else 'body'}: needs --simulated")
+    return load_characters(command.file, command.fast) if command.file else bake_own()
 
 
 def _write(path: Path, content: bytes) -> None:
@@ -103,7 +112,8 @@ def _methods(character: Character) -> str:
     entries = []
     for method in character.methods:
         file = {} if method.content is None else {"file": quote(character.file_of(method))}
-        entries.append({"name": method.name, "kind": method.kind, **file})
+        warm_up = {} if method.warm_up is None else {"warmUp": method.warm_up}
+        entries.append({"name": method.name, "kind": method.kind, **file, **warm_up})
     return json.dumps(entries) if entries else ""
 
 

@@ -38,7 +38,8 @@ export class Beside {
       this.element.replaceChildren(...this.labels.map(({ frame }) => frame));
     }
     this.element.hidden = panes.length < 2;
-    this.labels.forEach(({ frame }, index) => {
+    this.labels.forEach(({ frame, note }, index) => {
+      note.hidden = panes[index].isThere;
       const { left, top, width, height } = places[index];
       Object.assign(frame.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
     });
@@ -51,8 +52,13 @@ export class Beside {
       const costs = [...(this.costs.get(method) ?? []), parts.cloth + parts.vertices].slice(-AVERAGED);
       this.costs.set(method, costs);
       const label = panes === this.panes && this.labels[index];
-      if (label && method.kind === "live") label.figure.textContent = `${this.milliseconds(method).toFixed(1)} ms`;
+      if (label && method.kind === "live") label.cost.textContent = `${this.milliseconds(method).toFixed(1)} ms`;
     });
+  }
+
+  /** Tell the errors of the panes that are shown. text: of a method. */
+  tell(text) {
+    this.panes.forEach(({ method }, index) => { this.labels[index].error.textContent = text(method); });
   }
 
   /** Mean milliseconds of the last frames of a method; NaN before the first. */
@@ -61,11 +67,14 @@ export class Beside {
     return costs.reduce((sum, each) => sum + each, 0) / costs.length;
   }
 
-  #label({ name, quality, kind }) {
-    const frame = element("div", "pane"), label = element("p", "label"), figure = element("span", "figure");
-    label.append(element("b", "", titleOf(name, quality)), element("span", "kind", kind), figure);
-    frame.append(label);
-    return { frame, figure };
+  #label(method) {
+    const frame = element("div", "pane"), label = element("p", "label");
+    const cost = element("span", "cost"), error = element("span", `error hue-${method.layer}`);
+    const note = element("span", "note", "no frames of this pose"), figures = element("p", "figures");
+    label.append(element("b", "", method.title), element("span", "kind", method.kind));
+    figures.append(error, note, cost);
+    frame.append(label, figures);
+    return { frame, cost, error, note };
   }
 
   #list() {
@@ -77,15 +86,11 @@ export class Beside {
       box.addEventListener("change", () =>
         this.choose(this.methods.filter((each) => (each === method ? box.checked : this.chosen.includes(each)))),
       );
-      label.append(box, titleOf(method.name, method.quality));
+      label.append(box, method.title);
       return label;
     });
     this.list.replaceChildren(...boxes);
   }
-}
-
-function titleOf(name, quality) {
-  return quality ? `${name}, ${quality}` : name;
 }
 
 function element(kind, className, text = "") {

@@ -1,12 +1,18 @@
 // The ways to move the garments of a figure, each made when it is first shown.
 import { bytesOf, makeWorker } from "./files.js";
+import { readFrames } from "./frames.js";
 import { Pane } from "./pane.js";
 import { Skinning } from "./skinning.js";
 
-/** A way to move garments. kind: "live" or "stored frames". quality: of the cages, where it is the cloth of the runtime. */
+/** A way to move garments. kind: "live" or "stored frames". layer: of the scene, from 1 on. values: {quality} of the cages
+ * where it is the cloth of the runtime, {isTruth} for what others are compared with. */
 class Method {
   constructor(name, kind, layer, open, values) {
     Object.assign(this, { name, kind, layer, open, ...values });
+  }
+
+  get title() {
+    return this.quality ? `${this.name}, ${this.quality}` : this.name;
   }
 
   /** Its pane, on its own layer of the scene. Throws an Error with a sentence if it cannot be made. */
@@ -39,5 +45,10 @@ export function methodsOf({ cloth }, described, wasm, adjust) {
       }, { quality: name });
   }
   add("skinning", "live", () => ({ source: new Skinning(cloth), garments: cloth.twins() }));
+  for (const { name, kind, file } of described) {
+    const isTruth = kind === "truth";
+    if (isTruth || kind === "frames")
+      add(name, "stored frames", async () => ({ source: await readFrames(file, cloth), garments: cloth.twins() }), { isTruth });
+  }
   return methods;
 }

@@ -2,10 +2,12 @@
 import { Beside } from "./beside.js";
 import { readBvh } from "./bvh.js";
 import { lowerSkin } from "./covered.js";
+import { Comparison } from "./comparison.js";
 import { Figure } from "./figure.js";
 import { bytesOf, makeWorker } from "./files.js";
 import { Hand } from "./hand.js";
 import { methodsOf } from "./methods.js";
+import { FPS } from "./motion.js";
 import { openBaked } from "./opening.js";
 import { Overlays } from "./overlays.js";
 import { Playback } from "./playback.js";
@@ -17,12 +19,12 @@ import { Stage } from "./scene.js";
 const control = (name) => document.getElementById(name);
 const AVERAGED = 30; // frames
 const PICTURE = 1 / AVERAGED; // share of a picture in the mean of the last ones
-const TOO_LONG = 1000 / 30; // milliseconds that a frame of cloth takes where its playback slows down
+const TOO_LONG = 1000 / FPS; // milliseconds that a frame of cloth takes where its playback slows down
 const NARROW = "(max-width: 600px)";
 const MARGIN = 12; // pixels around the panes
 const pictures = { shown: 0, drawn: 0 }; // milliseconds
 
-let stage, updateSkin, hand, playback, beside, overlays, opened, animations, wasm, current, costs = [], opening = 0, isOpening = false;
+let stage, updateSkin, hand, playback, beside, comparison, overlays, opened, animations, wasm, current, costs = [], opening = 0, isOpening = false;
 
 function say(sentence) {
   control("message").textContent = sentence;
@@ -70,21 +72,32 @@ async function begin(described) {
   const { playing = true } = playback ?? {}, { gltf, cloth } = opened;
   const figure = new Figure(gltf.scene, cloth, rolesOf(cloth.names));
   updateSkin = lowerSkin(figure);
-  const methods = methodsOf(opened, described, wasm, adjust);
-  const first = await methods[0].opened();
-  playback = new Playback(figure, [first], null, count, say);
+  const methods = methodsOf(opened, described, wasm, adjust), truth = methods.find(({ isTruth }) => isTruth);
+  const panes = [await methods[0].opened()];
+  comparison = truth ? await compare(truth, described) : null;
+  playback = new Playback(figure, panes, truth ? animations.at(-1) : null, count, say);
   beside = new Beside(control("panes"), control("methods"), methods, showWanted);
   costs = [];
   adjust(cloth);
   Object.assign(playback, { playing, speed: Number(control("speed").value) });
-  playback.start(animations[0], 0);
+  playback.start(playback.compared ?? animations[0], 0);
+  control("animation").value = animations.indexOf(playback.clip);
   figure.ground = footHeight(figure); // Where animations from elsewhere put it.
   control("time").max = playback.last;
   hand.show(playback);
+  control("errors").hidden = !truth;
   listQualities(methods);
   listGarments();
-  globalThis.uvcloth = { cloth, playback, stage, hand, beside }; // for the browser's console
+  globalThis.uvcloth = { cloth, playback, stage, hand, beside, comparison }; // for the browser's console
   dress();
+  if (truth) beside.choose([truth, ...methods.filter(({ isTruth, kind }) => !isTruth && kind !== "live"), ...methods.filter(({ kind }) => kind === "live")]);
+}
+
+/** Make the comparison with a simulation. */
+async function compare(truth, described) {
+  const { source } = await truth.opened(), { warmUp } = described.find(({ kind }) => kind === "truth");
+  const choose = (share) => seek(playback.compared, (share * (source.count - 1)) / FPS);
+  return new Comparison(source, warmUp, opened.cloth, { curve: control("curve"), scale: control("scale") }, choose);
 }
 
 /** Show the panes that are wanted, after those that are not yet there have been made. */
@@ -96,6 +109,7 @@ async function showWanted() {
     if (turn !== opening || wanted.some((method, index) => method !== beside.wanted[index])) return;
     for (const pane of panes) pane.onError = say;
     playback.show(panes);
+    comparison?.show(panes);
     costs = [];
     dress();
   } catch (error) {
@@ -115,7 +129,16 @@ function dress() {
 }
 
 function play(clip, time) {
-  playback.goTo(clip, time);
+  // What is compared begins without a way from what was before.
+  if (clip === playback.compared) playback.start(clip, time);
+  else playback.goTo(clip, time);
+  control("time").max = playback.last;
+}
+
+/** Go to a time while it is chosen: the compared animation is shown there, any other one goes over to it. */
+function seek(clip, time) {
+  if (clip !== playback.compared) return play(clip, time);
+  playback.preview(clip, time);
   control("time").max = playback.last;
 }
 
@@ -135,9 +158,10 @@ function changeQuality() {
   beside.lead(beside.methods[Number(control("quality").value)]);
 }
 
-function count({ answers, milliseconds }) {
-  const { panes } = playback, [{ parts }] = answers;
+function count(frame) {
+  const { panes } = playback, { answers, milliseconds } = frame, [{ parts }] = answers;
   beside.count(panes, answers);
+  if (comparison && !isAltered()) comparison.note(panes, frame);
   costs = [...costs, { ...parts, pose: milliseconds }].slice(-AVERAGED);
   const mean = (name) => costs.reduce((sum, each) => sum + each[name], 0) / costs.length;
   const text = (name) => mean(name).toFixed(1), others = mean("pose") + mean("vertices");
@@ -174,6 +198,11 @@ function adjust(cloth) {
   const done = [cloth.setWorld([value("wind-x"), value("wind-y"), 0], [0, 0, -value("gravity")])];
   done.push(cloth.setFabric(fabric && fabric.split(" ").map(Number)));
   for (const each of done) each.catch((error) => say(error.message));
+}
+
+/** Whether the cloth is not as it was baked, or the world not as it was simulated. */
+function isAltered() {
+  return Boolean(control("fabric").value) || ["wind-x", "wind-y", "gravity"].some((name) => control(name).value !== control(name).defaultValue);
 }
 
 function change() {
@@ -219,7 +248,9 @@ function connect() {
   control("controls").open = !matchMedia(NARROW).matches;
   const on = (name, kind, act) => control(name).addEventListener(kind, act);
   on("play", "click", togglePlaying);
-  on("time", "input", () => playback && play(playback.clip, Number(control("time").value)));
+  on("time", "input", () => playback && seek(playback.clip, Number(control("time").value)));
+  on("time", "change", () => playback?.isHeld && play(playback.clip, Number(control("time").value)));
+  for (const kind of ["pointerup", "pointercancel"]) on("curve", kind, () => playback?.isHeld && play(playback.clip, playback.time));
   on("speed", "input", () => {
     const speed = Number(control("speed").value);
     control("speed").nextElementSibling.value = speed;
@@ -257,6 +288,9 @@ function divide() {
   }
   stage.divide(place, panes.map(({ method }) => method.layer));
   beside.label(panes, stage.panes);
+  if (!comparison) return;
+  beside.tell((method) => comparison.text(method));
+  if (playback.isComparing) comparison.curve.point(playback.time * FPS);
 }
 
 let before = performance.now();

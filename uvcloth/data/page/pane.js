@@ -6,7 +6,7 @@ export class Pane {
   /** method: that it shows. source: {start(joints), step(joints, seconds, at)}, of which a step gives {vertices, cages,
    * parts}, the vertices null where it has none. at: as Playback has it. */
   constructor(method, source, garments) {
-    Object.assign(this, { method, source, garments, onError: () => {}, failed: 0 });
+    Object.assign(this, { method, source, garments, onError: () => {}, failed: 0, isThere: true });
     for (const { meshes } of garments) for (const mesh of meshes) mesh.layers.set(method.layer);
   }
 
@@ -28,11 +28,18 @@ export class Pane {
     return this.last;
   }
 
+  /** Show a frame without those before it, or nothing where the source cannot. */
+  preview(joints, at) {
+    const isInstant = this.source.isStateless || this.source.isStored;
+    const frame = isInstant ? this.source.step(joints, 0, at) : { vertices: null };
+    this.show(frame, frame, 0);
+  }
+
   /** Show what is between two frames. */
   show(from, to, share) {
-    const isThere = from.vertices && to.vertices;
+    this.isThere = Boolean(from.vertices && to.vertices);
     this.garments.forEach((garment, index) =>
-      isThere ? garment.show(from.vertices[index], to.vertices[index], share) : garment.vanish(),
+      this.isThere ? garment.show(from.vertices[index], to.vertices[index], share) : garment.vanish(),
     );
   }
 

@@ -26,7 +26,7 @@ export class Playback {
   /** Begin with an animation at a time, with cloth at rest there. */
   async start(clip, time) {
     this.run++;
-    Object.assign(this, { frames: [], next: 0, clock: 0, isStarting: true });
+    Object.assign(this, { frames: [], next: 0, clock: 0, isStarting: true, isHeld: false });
     this.wake();
     const { run, panes } = this;
     this.motion.begin(clip, time);
@@ -50,6 +50,17 @@ export class Playback {
   /** Whether the animation is the compared one. */
   get isComparing() {
     return this.clip === this.compared;
+  }
+
+  /** Show a time of an animation at once, in panes that need no cloth to come to rest; `start` then goes on from there. */
+  preview(clip, time) {
+    this.run++;
+    Object.assign(this, { frames: [], isHeld: true });
+    this.motion.begin(clip, time);
+    this.figure.write(this.motion.next(false));
+    const joints = this.figure.cloth.transforms(), { at } = this.motion;
+    for (const pane of this.panes) pane.preview(joints, at);
+    this.time = this.motion.time;
   }
 
   hold(part) {
@@ -94,7 +105,7 @@ export class Playback {
 
   /** Go on by seconds of the clock, and pose the figure and its cloth. */
   advance(seconds) {
-    if (this.isStarting) return;
+    if (this.isStarting || this.isHeld) return;
     if (this.frames.length) {
       const ready = this.frames.at(-1).frame; // Slower where the cloth is not ready.
       this.clock = Math.min(this.clock + this.speed * Math.min(seconds, SLOW) * FPS, ready);
@@ -111,7 +122,7 @@ export class Playback {
   }
 
   get #isRunning() {
-    return this.playing || this.motion.isMoving || this.settling > 0;
+    return this.next === 0 || this.playing || this.motion.isMoving || this.settling > 0;
   }
 
   #show() {

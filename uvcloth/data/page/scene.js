@@ -7,7 +7,8 @@ import {
 import { panesIn } from "./layout.js";
 
 const FOLLOWING = 4; // of the way to the figure that the camera goes in a second
-const NARROWEST = 0.6; // width of a pane, of its height, beyond which the figure fills it
+const LABEL = 32; // pixels
+const NARROWEST = 0.66; // width of a pane, of its height, beyond which the figure fills it
 
 export class Stage {
   constructor(canvas) {
@@ -81,8 +82,8 @@ export class Stage {
     if (width !== this.width || height !== this.height) this.#resize(width, height);
     this.panes = panesIn(rectangle, layers.length).map((pane, index) => ({ ...pane, layer: layers[index] }));
     const [pane] = this.panes;
-    this.camera.aspect = pane.width / pane.height;
-    this.camera.updateProjectionMatrix();
+    // Lower where a label lies over the upper edge.
+    this.camera.setViewOffset(pane.width, pane.height, 0, layers.length > 1 ? -LABEL / 2 : 0, pane.width, pane.height);
     const before = this.distance;
     this.distance = this.#distance();
     this.camera.position.sub(this.controls.target).multiplyScalar(this.distance / before).add(this.controls.target);

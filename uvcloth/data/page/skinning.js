@@ -28,7 +28,7 @@ export class Skin {
 /** A source for panes: the garments of a baked file, as its skin moves them. */
 export class Skinning {
   constructor({ garments, axes, inverseAxes }) {
-    this.inverseAxes = inverseAxes;
+    Object.assign(this, { inverseAxes, isStateless: true });
     this.skins = garments.map((garment) => skinOf(garment, axes));
   }
 
