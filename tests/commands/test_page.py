@@ -17,6 +17,7 @@ import torch
 
 from tests.commands.chromium import PROGRAM, Chromium
 from tests.motion.bvh_text import bvh_text, performer, still
+from uvcloth.bodies.body import load_body
 from uvcloth.commands import page_file
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
@@ -27,9 +28,13 @@ from uvcloth.commands.play_motion import retargeted
 from uvcloth.dataset.clip import SimulatedClip, clip_of_garment
 from uvcloth.dataset.clip_file import load_simulated, save_simulated
 from uvcloth.errors import InputError
+from uvcloth.garments.garment import Outfit as Dressed
+from uvcloth.garments.loading import load_outfit
+from uvcloth.methods.registry import load_method
 from uvcloth.motion.options import MotionOptions
 from uvcloth.player.baked import EXTENSION, BakedFile, open_baked
 from uvcloth.player.outfit import Cloth, Outfit
+from uvcloth.rollout import rollout
 
 needs_wasm = pytest.mark.skipif(
     not WASM.is_file(), reason="the runtime for WebAssembly is not compiled: make wasm"
@@ -581,9 +586,9 @@ WARM_UP, LIFTED = 4, 0.01
 """Frames of the simulation below that do not count, and metres that its prediction is too high."""
 
 
-def played(skirt: Path, frames: int) -> SimulatedClip:
-    """The skirt's first animation as a simulation, by the runtime that the page has too."""
-    baked = open_baked(skirt)
+def played(path: Path, frames: int) -> SimulatedClip:
+    """The first animation of a garment's file as a simulation, by the runtime that the page has too."""
+    baked = open_baked(path)
     transforms, cloth = baked.motion(fps=30.0).transforms[:frames], Cloth(Outfit(baked.content))
     cloth.start(transforms[0])
     vertices = []
@@ -602,7 +607,7 @@ def played(skirt: Path, frames: int) -> SimulatedClip:
         torch.from_numpy(transforms.astype(np.float32)),
         30.0,
         WARM_UP,
-        {"clip": "a walk", "garment": "skirt"},
+        {"clip": "a walk", "garment": garment.name},
     )
 
 
@@ -632,7 +637,8 @@ def test_errors_are_those_against_the_stored_simulation(
     names = "[...document.querySelectorAll('.label')].map((each) => each.textContent)"
     browser.wait_for(f"{names}.length === 4")
     browser.wait_for(
-        "uvcloth.beside.wanted.every((each) => each.isTruth || uvcloth.comparison.errors.mean(each).share === 1)"
+        """uvcloth.beside.wanted.every(
+          (each) => each.isTruth || uvcloth.comparison.errors.mean(each).share === 1)"""
     )
     assert browser.value(names) == [
         "cloth, as it was bakedlive",
@@ -672,6 +678,54 @@ def test_errors_are_those_against_the_stored_simulation(
     browser.wait_for("!uvcloth.playback.panes[1].isThere && uvcloth.playback.panes[0].isThere")
     browser.wait_for("document.querySelectorAll('.note:not([hidden])').length === 2")
     assert browser.errors == []
+
+
+@needs_wasm
+@needs_browser
+def test_a_recurrent_rig_moves_as_in_python(
+    browser: Chromium, folder: Path, address: str, tmp_path: Path
+) -> None:
+    baked, sequence = tmp_path / "tops.glb", tmp_path / "sequence.npz"
+    bake(Bake(("tops",), baked, motion="jump", quality="fast", options=MotionOptions(frames="20:40")))
+    save_simulated(played(baked, 16), sequence)
+    write_page(Page(folder / "learned", (baked,), simulated=sequence, model=("recurrent", "lbs_smooth")))
+    browser.open(f"{address}learned/")
+    browser.wait_for("Boolean(globalThis.uvcloth)")
+    browser.value("uvcloth.stage.light.castShadow = false")
+    browser.wait_for("document.querySelectorAll('.label').length === 4")
+    names = browser.value("uvcloth.playback.panes.map(({ method: { name, kind } }) => `${name}, ${kind}`)")
+    assert names[1:] == ["simulation, stored frames", "recurrent, live", "lbs_smooth, stored frames"]
+    frames = browser.value(
+        """new Promise((done) => {
+          const { playback } = uvcloth, out = [];
+          playback.onFrame = ({ answers }) => {
+            out.push(answers.slice(2).map(({ vertices }) => [...vertices[0]]));
+            if (out.length === 16) done(out);
+          };
+          playback.start(playback.clip, 0);
+        })"""
+    )
+    body, clip = load_body(), load_simulated(sequence)
+    outfit = Dressed(body, load_outfit(("tops",), body))
+    for place, name in enumerate(("recurrent", "lbs_smooth")):
+        rolled = rollout(load_method(name, body), outfit, clip.transforms.double(), 30.0, clear=False)
+        expected = torch.stack([frame.in_world().vertices[0] for frame in rolled]).numpy()
+        shown = np.array([frame[place] for frame in frames]).reshape(expected.shape)
+        off = np.linalg.norm(shown - open_baked(baked).in_scene(expected), axis=2) / MILLIMETRE
+        print(name, "mm off, mean and largest:", off.mean(), off.max())
+        assert off.max() < 0.2
+    assert browser.errors == []
+
+
+@needs_wasm
+def test_models_need_a_template_that_they_know(
+    skirt: Path, simulation: tuple[Path, Path], tmp_path: Path
+) -> None:
+    sequence, _ = simulation
+    for model, words in (("recurrent", "is for the templates"), ("nobody", "nobody")):
+        with pytest.raises(InputError, match=words):
+            write_page(Page(tmp_path / "out", (skirt,), simulated=sequence, model=(model,)))
+    assert not (tmp_path / "out").exists()
 
 
 @needs_wasm

@@ -6,8 +6,9 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from uvcloth.commands.options import NPZ, BodyFile
-from uvcloth.files.options import NewFolder, Source, Text
+from uvcloth.commands.options import NPZ, TRAINED, BodyFile
+from uvcloth.files.options import NewFolder, Several, Source, Text
+from uvcloth.methods.registry import list_methods
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,16 @@ class Page:
             help_behavior_hint="",
         ),
         Text(r"[^=]+=.+", "NAME=FILE"),
+    ] = ()
+    model: Annotated[
+        tuple[str, ...],
+        arg(
+            metavar="NAME|RUN ...",
+            help=f"With --simulated: methods over its motion, without a finish: {list_methods()}; or "
+            f"{TRAINED}. A recurrent one is played by the visitor's browser, others from stored frames.",
+            help_behavior_hint="",
+        ),
+        Several(distinct=True),
     ] = ()
     body: BodyFile = None
     """With --simulated: the body of the simulation, made by `uvcloth body`."""

@@ -2,13 +2,13 @@
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uvcloth.commands.page_methods import PageMethod
 from uvcloth.errors import InputError
 from uvcloth.player.baked import BakedFile, open_baked
 from uvcloth.player.outfit import Outfit
@@ -18,21 +18,6 @@ SHOWN = {"dress": ("dress",), "trousers and shirt": ("bottoms", "tops")}
 
 CLIPS = ("walk", "twirl", "jump", "dance")
 """Built-in clips that are the animations of these files."""
-
-
-@dataclass(frozen=True)
-class PageMethod:
-    """A way to move the garments of a character, beside others.
-
-    kind: baked (the cloth of the character's file, in the quality `name`), outfit (that of another quality),
-    frames (stored ones), truth (stored ones that others are compared with). content: of the file that the
-    page reads for it, None where it needs none. warm_up: frames of the truth that are not compared.
-    """
-
-    name: str
-    kind: Literal["baked", "outfit", "frames", "truth"]
-    content: bytes | None = None
-    warm_up: int | None = None
 
 
 @dataclass(frozen=True)
@@ -98,9 +83,10 @@ def _require_same(other: BakedFile, baked: BakedFile) -> None:
 
 
 def bake_own() -> tuple[Character, ...]:
-    """Our own body in some garments, in default and fast quality, with some clips."""
+    """Our own body in some garments, in default and fast quality and as a recurrent rig, with some clips."""
     from uvcloth.commands.bake import Bake
     from uvcloth.commands.bake_file import bake
+    from uvcloth.commands.page_models import recurrent_of
 
     with tempfile.TemporaryDirectory(prefix="uvcloth-page-") as folder:
         paths = {name: Path(folder) / f"{name}.glb" for name in SHOWN}
@@ -110,7 +96,11 @@ def bake_own() -> tuple[Character, ...]:
             bake(Bake(garments, fast[name], quality="fast"))
             for path in (paths[name], fast[name]):
                 add_clips(path, CLIPS)
-        return load_characters(tuple(paths.values()), tuple(fast.values()))
+        characters = load_characters(tuple(paths.values()), tuple(fast.values()))
+    return tuple(
+        replace(character, methods=(*character.methods, recurrent_of(garments)))
+        for character, garments in zip(characters, SHOWN.values(), strict=True)
+    )
 
 
 def add_clips(path: Path, clips: Sequence[str]) -> None:

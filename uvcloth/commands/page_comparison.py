@@ -1,21 +1,23 @@
 """A character of a web page in a simulated garment, and other methods' sequences of it."""
 
 import tempfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uvcloth.commands.options import GARMENT
 from uvcloth.commands.page import Page
 from uvcloth.commands.page_characters import (
     Character,
-    PageMethod,
     add_animations,
     load_characters,
     open_whole,
 )
+from uvcloth.commands.page_methods import PageMethod
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.dataset.predicted_file import READERS, read_prediction
@@ -46,14 +48,15 @@ def compared_character(command: Page, path: Path) -> Character:
     (garment,) = clip.garments
     if abs(clip.fps - FPS) > 1e-3:
         raise InputError(f"{path}: has {clip.fps:g} frames per second, a page compares at {FPS:g}")
-    frames = _predicted(command.predicted, clip, garment)
+    models = _models(command, path, clip, garment)
+    predicted = _predicted(command.predicted, clip, garment, [each.name for each in models])
     with tempfile.TemporaryDirectory(prefix="uvcloth-page-") as folder:
         files, fast = _animated(command, path, clip, garment, Path(folder))
         for each in (*files, *fast):
             _require_mesh(open_whole(each), garment, path)
         (character,) = load_characters(files, fast)
     truth = PageMethod(SIMULATION, "truth", _packed(path, garment.vertices.numpy(), garment), clip.warm_up)
-    return replace(character, methods=(*character.methods, truth, *frames))
+    return replace(character, methods=(*character.methods, truth, *models, *predicted))
 
 
 def _animated(
@@ -84,31 +87,46 @@ def _baked(
     """The template of a garment's name on a body, in default and fast quality."""
     from uvcloth.commands.bake import Bake
     from uvcloth.commands.bake_file import bake
-    from uvcloth.commands.options import GARMENT
 
     if garment.name not in GARMENT.names():
         raise InputError(
             f"{path}: {garment.name} is no template; name the file that `uvcloth bake` wrote of that garment"
         )
-    numbers = clip.metadata.get("settings", {}).get("fabric", {})
-    fabrics = [
-        name
-        for name in get_args(FabricName)
-        if all(numbers.get(each) == getattr(FABRICS[name], each) for each in FABRIC)
-    ]
+    fabric = _fabric(clip)
+    fabrics = () if fabric is None else (fabric,)
     default, fast = folder / f"{garment.name}.glb", folder / f"{garment.name}.fast.glb"
-    bake(Bake((garment.name,), default, body=body, fabric=tuple(fabrics[:1])))
-    bake(Bake((garment.name,), fast, body=body, fabric=tuple(fabrics[:1]), quality="fast"))
+    bake(Bake((garment.name,), default, body=body, fabric=fabrics))
+    bake(Bake((garment.name,), fast, body=body, fabric=fabrics, quality="fast"))
     return default, fast
 
 
-def _predicted(options: tuple[str, ...], clip: SimulatedClip, garment: SimulatedGarment) -> list[PageMethod]:
+def _fabric(clip: SimulatedClip) -> FabricName | None:
+    """The fabric that was simulated, None where it is not known."""
+    numbers = clip.metadata.get("settings", {}).get("fabric", {})
+    for name in get_args(FabricName):
+        if all(numbers.get(each) == getattr(FABRICS[name], each) for each in FABRIC):
+            return cast(FabricName, name)
+    return None
+
+
+def _models(command: Page, path: Path, clip: SimulatedClip, garment: SimulatedGarment) -> list[PageMethod]:
+    """The models of `--model`, over the motion of the simulation."""
+    from uvcloth.commands.page_models import model_methods
+
+    if command.model and garment.name not in GARMENT.names():
+        raise InputError(f"--model: {garment.name} of {path} is no template; use --predicted")
+    return model_methods(command.model, command.body, clip, garment, _fabric(clip))
+
+
+def _predicted(
+    options: tuple[str, ...], clip: SimulatedClip, garment: SimulatedGarment, taken: Sequence[str]
+) -> list[PageMethod]:
     """The sequences of `--predicted NAME=FILE`, which may lack the warm-up of the simulation."""
     methods: list[PageMethod] = []
     for option in options:
         name, _, place = option.partition("=")
         path, label = Path(place), f"--predicted {option}"
-        if name in (*TAKEN, SIMULATION, *(each.name for each in methods)):
+        if name in (*TAKEN, SIMULATION, *taken, *(each.name for each in methods)):
             raise InputError(f"{label}: another method is called {name!r}")
         if not path.is_file() or path.suffix.lower() not in READERS:
             raise InputError(f"{label}: no such file of {', '.join(READERS)}")
@@ -131,18 +149,20 @@ def _require_mesh(baked: BakedFile, garment: SimulatedGarment, path: Path) -> No
     if len(baked.garments) != 1:
         names = ", ".join(each.name for each in baked.garments)
         raise InputError(f"{file}: wears {names}, expected {garment.name} alone, as in {path}")
-    (own,) = baked.garments
+    (single,) = baked.garments
     expected = len(garment.rest)
-    if own.size != expected:
-        raise InputError(f"{file}: its {own.name} has {own.size:,} vertices, that of {path} {expected:,}")
-    points, faces = _mesh(baked.file, own.node)
-    rest = np.zeros((own.size, 3))
-    rest[own.vertices] = points @ baked.skin.axes[:3, :3].T
+    if single.size != expected:
+        raise InputError(
+            f"{file}: its {single.name} has {single.size:,} vertices, that of {path} {expected:,}"
+        )
+    points, faces = _mesh(baked.file, single.node)
+    rest = np.zeros((single.size, 3))
+    rest[single.vertices] = points @ baked.skin.axes[:3, :3].T
     apart = float(np.linalg.norm(rest - garment.rest.numpy(), axis=1).max())
-    same = np.array_equal(_sorted(own.vertices[faces]), _sorted(garment.faces.numpy()))
+    same = np.array_equal(_sorted(single.vertices[faces]), _sorted(garment.faces.numpy()))
     if not same or not apart <= REST_TOLERANCE:
         reason = f"at rest they are up to {1000 * apart:.0f} mm apart" if same else "their faces differ"
-        raise InputError(f"{file}: its {own.name} is another mesh than that of {path}: {reason}")
+        raise InputError(f"{file}: its {single.name} is another mesh than that of {path}: {reason}")
 
 
 def _mesh(file: GltfFile, node: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -26,6 +26,7 @@ MODULES = (
     *("runtime.js", "cloth.js", "figure.js", "covered.js", "strain.js", "cage.js", "overlays.js"),
     *("transition.js", "limb.js", "grip.js", "motion.js", "playback.js", "roles.js", "retarget.js", "bvh.js"),
     *("layout.js", "scene.js", "hand.js", "files.js", "arrays.js", "frames.js", "pane.js", "skinning.js"),
+    "recurrent.js",
     *("methods.js", "beside.js", "errors.js", "curve.js", "comparison.js", "opening.js", "page.js"),
 )
 """Modules of the page, each after those that it imports."""
@@ -84,8 +85,9 @@ def _characters(command: Page) -> tuple[Character, ...]:
         raise InputError("--fast: name the files that these are the fast quality of")
     if command.simulated is not None:
         return (compared_character(command, command.simulated),)
-    if command.predicted or command.body:
-        raise InputError(f"--{'predicted' if command.predicted else 'body'}: needs --simulated")
+    for name in ("model", "predicted", "body"):
+        if getattr(command, name):
+            raise InputError(f"--{name}: needs --simulated")
     return load_characters(command.file, command.fast) if command.file else bake_own()
 
 

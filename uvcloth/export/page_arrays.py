@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-KINDS = ("uint8", "uint16", "int32", "float16", "float32")
+KINDS = ("int8", "uint8", "uint16", "int32", "float16", "float32")
 """Types of arrays that the page reads."""
 
 ALIGNMENT = 8

@@ -1,6 +1,6 @@
 // Files of arrays, as uvcloth/export/page_arrays.py writes them.
 
-const KINDS = { uint8: Uint8Array, uint16: Uint16Array, int32: Int32Array, float32: Float32Array };
+const KINDS = { int8: Int8Array, uint8: Uint8Array, uint16: Uint16Array, int32: Int32Array, float32: Float32Array };
 
 /** The header of a file, and its arrays by name; numbers in half precision as Float32Array. */
 export async function readArrays(bytes) {

@@ -90,7 +90,7 @@ async function begin(described) {
   listGarments();
   globalThis.uvcloth = { cloth, playback, stage, hand, beside, comparison }; // for the browser's console
   dress();
-  if (truth) beside.choose([truth, ...methods.filter(({ isTruth, kind }) => !isTruth && kind !== "live"), ...methods.filter(({ kind }) => kind === "live")]);
+  if (truth) beside.choose(methods.filter(({ quality }) => !quality));
 }
 
 /** Make the comparison with a simulation. */
