@@ -331,6 +331,64 @@ def test_a_part_that_is_dragged_comes_to_the_pointer_and_stays_in_a_pause(
     assert browser.errors == []
 
 
+FOOT = """(() => {
+  const { figure } = uvcloth.playback, joints = ["right_foot", "right_toes"].map((role) => figure.joints[role]);
+  return joints.map((joint) => joint.matrixWorld.elements[13] - figure.floorOf(joint));
+})()"""
+"""Heights of the right foot and its toes over where they are on a figure that stands, m."""
+
+
+@needs_wasm
+@needs_browser
+def test_a_foot_does_not_go_through_the_floor(browser: Chromium, address: str) -> None:
+    open_page(browser, address)
+    browser.value(f"{PAUSE}; {WATCH}")
+    browser.wait_for(SETTLED)
+    before = browser.value(FOOT)
+    drag(browser, "right_foot", (40.0, 150.0))
+    browser.wait_for("most.frames > 30")
+    after, side = browser.value(FOOT), browser.value(MARK % "right_foot")
+    for was, is_now in zip(before, after, strict=True):
+        assert is_now > min(was, 0.0) - 0.005
+    # It goes sideways along the floor nevertheless.
+    point(browser, "Moved", side[0] - 60.0, side[1] + 150.0)
+    browser.wait_for("most.frames > 60")
+    assert browser.value(MARK % "right_foot")[2] < side[2] - 0.05
+    assert min(browser.value(FOOT)) > min(*before, 0.0) - 0.005
+    assert browser.errors == []
+
+
+@needs_wasm
+@needs_browser
+def test_keys_move_a_part(browser: Chromium, address: str) -> None:
+    open_page(browser, address)
+    browser.value(f"{PAUSE}; {WATCH}")
+    browser.wait_for(SETTLED)
+    before = browser.value(MARK % "left_hand")
+    browser.value("document.querySelector('.grip[aria-label=\"left hand\"]').focus()")
+    for _ in range(8):
+        press(browser, "ArrowUp")
+    assert browser.value("uvcloth.playback.motion.grip?.part") == "left_hand"
+    browser.wait_for("most.frames > 24")
+    # Eight steps of 0.015 heights, upwards as it is shown.
+    after, height = browser.value(MARK % "left_hand"), browser.value("uvcloth.playback.figure.height")
+    assert after[3] - before[3] == pytest.approx(8 * 0.015 * height, rel=0.2)
+    press(browser, "Escape")
+    assert not browser.value("Boolean(uvcloth.playback.motion.grip)")
+    # In a pause it stays, and one that loses the focus is let go too.
+    press(browser, "ArrowLeft")
+    assert browser.value("Boolean(uvcloth.playback.motion.grip)")
+    browser.value("document.activeElement.blur()")
+    assert not browser.value("Boolean(uvcloth.playback.motion.grip)")
+    assert browser.errors == []
+
+
+def press(browser: Chromium, key: str) -> None:
+    """Press a key and let it go."""
+    for kind in ("keyDown", "keyUp"):
+        browser.call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
+
+
 @needs_wasm
 @needs_browser
 def test_a_figure_out_of_reach_is_dragged_along_as_a_whole(browser: Chromium, address: str) -> None:

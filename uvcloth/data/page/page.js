@@ -5,6 +5,7 @@ import { lowerSkin } from "./covered.js";
 import { Comparison } from "./comparison.js";
 import { Figure } from "./figure.js";
 import { bytesOf, makeWorker } from "./files.js";
+import { GripKeys } from "./keys.js";
 import { Hand } from "./hand.js";
 import { methodsOf } from "./methods.js";
 import { FPS } from "./motion.js";
@@ -24,7 +25,7 @@ const NARROW = "(max-width: 600px)";
 const MARGIN = 12; // pixels around the panes
 const pictures = { shown: 0, drawn: 0 }; // milliseconds
 
-let stage, updateSkin, hand, playback, beside, comparison, overlays, opened, animations, wasm, current, costs = [], opening = 0, isOpening = false;
+let stage, updateSkin, hand, keys, playback, beside, comparison, overlays, opened, animations, wasm, current, costs = [], opening = 0, isOpening = false;
 
 function say(sentence) {
   control("message").textContent = sentence;
@@ -82,9 +83,10 @@ async function begin(described) {
   Object.assign(playback, { playing, speed: Number(control("speed").value) });
   playback.start(playback.compared ?? animations[0], 0);
   control("animation").value = animations.indexOf(playback.clip);
-  figure.ground = footHeight(figure); // Where animations from elsewhere put it.
+  figure.ground = footHeight(figure); // Where animations from elsewhere, and hands, leave the feet.
   control("time").max = playback.last;
   hand.show(playback);
+  keys.show();
   control("errors").hidden = !truth;
   listQualities(methods);
   listGarments();
@@ -269,7 +271,7 @@ function connect() {
     openFile(event.dataTransfer.files[0]);
   });
   addEventListener("keydown", (event) => {
-    if (event.key !== " " || event.target.closest("button, select, input, summary")) return;
+    if (event.key !== " " || event.target.closest("button:not(.grip), select, input, summary")) return;
     event.preventDefault();
     togglePlaying();
   });
@@ -303,6 +305,7 @@ function draw(now) {
     divide();
     playback.advance(seconds);
     hand.follow();
+    keys.follow();
     overlays.update(playback.between);
     const isReady = performance.now();
     control("play").textContent = playback.playing ? "Pause" : "Play";
@@ -326,6 +329,7 @@ function boot() {
     return say("This browser shows no WebGL, which the page draws with.");
   }
   hand = new Hand(stage);
+  keys = new GripKeys(control("grips"), hand);
   connect();
   openChosen();
   requestAnimationFrame(draw);

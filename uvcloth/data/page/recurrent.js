@@ -1,4 +1,4 @@
-// A recurrent rig: a gated recurrent unit turns the body's motion into weights of blend shapes, see docs/recurrent.md.
+// A recurrent rig: a gated recurrent unit turns the body's motion into weights of blend shapes.
 import { readArrays } from "./arrays.js";
 import { bytesOf } from "./files.js";
 import { placed } from "./runtime.js";
