@@ -332,7 +332,8 @@ def test_a_part_that_is_dragged_comes_to_the_pointer_and_stays_in_a_pause(
 
 
 FOOT = """(() => {
-  const { figure } = uvcloth.playback, joints = ["right_foot", "right_toes"].map((role) => figure.joints[role]);
+  const { figure } = uvcloth.playback;
+  const joints = ["right_foot", "right_toes"].map((role) => figure.joints[role]);
   return joints.map((joint) => joint.matrixWorld.elements[13] - figure.floorOf(joint));
 })()"""
 """Heights of the right foot and its toes over where they are on a figure that stands, m."""

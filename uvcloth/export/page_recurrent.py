@@ -37,13 +37,13 @@ def pack_recurrent(rig: RecurrentRig) -> bytes:
         assert scaled.dynamics == 1.0
         rows = rig.owner[first : first + len(mesh.vertices)]
         joints, weights = strongest(rig.weights[rows], INFLUENCES)
-        own = {
+        of_garment = {
             **_network(scaled.network),
             "rest": mesh.vertices.numpy().astype(np.float32),
             "joints": joints.astype(np.uint16),
             "weights": weights.astype(np.float32),
         }
-        arrays |= {f"{place}.{name}": values for name, values in own.items()}
+        arrays |= {f"{place}.{name}": values for name, values in of_garment.items()}
         first += len(mesh.vertices)
     return pack_arrays(
         arrays,

@@ -2,15 +2,12 @@
 import { Curve } from "./curve.js";
 import { Errors } from "./errors.js";
 
-const OFTEN = 5; // frames from one drawing of the curves to the next
-
 export class Comparison {
   /** truth: stored frames, see Errors. elements: {curve, scale} of the curves. onChoose: called with a share of the
    * animation. */
   constructor(truth, warmUp, cloth, { curve, scale }, onChoose) {
     this.errors = new Errors(truth, warmUp, cloth);
     this.curve = new Curve(curve, scale, onChoose);
-    this.frame = 0;
   }
 
   /** Show the curves of panes, those that are stored at once. */
@@ -26,13 +23,7 @@ export class Comparison {
       const { vertices } = answers[index];
       if (at && vertices && !source.isStored && (isWhole || source.isStateless)) this.errors.measure(method, vertices[0], at);
     });
-    if (++this.frame % OFTEN === 0) this.#draw();
-  }
-
-  /** Forget what was measured, since the cloth was not that of the simulation any more. */
-  forget() {
-    for (const [method, curve] of this.errors.curves) if (!method.pane.source.isStored) curve.fill(NaN);
-    this.#draw();
+    if (at) this.#draw();
   }
 
   /** The mean error of a method as a text, with dots where frames are still to come; "" before the first. */
