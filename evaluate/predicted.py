@@ -7,6 +7,7 @@ from pathlib import Path
 import torch
 
 from uvcloth.dataset.folder import MEMBERS, member_folder
+from uvcloth.dataset.predicted_file import READERS, find_file, read_milliseconds, read_prediction
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.fingerprint import fingerprint
@@ -16,7 +17,6 @@ from .actions import Window
 from .candidates import FINISHED, SIMULATION, Candidate, finished
 from .case import Case
 from .judge import CaseScores, judge
-from .predicted_file import READERS, find_file, read_milliseconds, read_prediction
 from .recorded import Recorded
 
 NAMED = "="

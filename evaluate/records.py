@@ -40,7 +40,6 @@ JUDGING = (
     "selection.py",
     "judge.py",
     "predicted.py",
-    "predicted_file.py",
     "recorded.py",
     "records.py",
 )

@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,7 @@ from .viewer import ViewerClip, pack_body, pack_clip
 from .wrinkles import WRINKLED_FRAMES
 
 TEMPLATES = Path(__file__).with_name("templates")
+THREE = Path(str(files("uvcloth") / "data" / "page" / "three.min.js"))
 METRICS = "metrics.json"
 REPORT = "report.html"
 
@@ -207,7 +209,7 @@ def write_report(
         viewer_blobs=[blob for _, blob in packed],
         viewer_bodies=[pack_body(body) for body in bodies],
         viewer_script=(TEMPLATES / "viewer.js").read_text(encoding="utf-8"),
-        three=(TEMPLATES / "three.min.js").read_text(encoding="utf-8"),
+        three=THREE.read_text(encoding="utf-8"),
         pictures=pictures,
         spaces=spaces,
         motion=[(each, _motion_chart(each)) for each in motion],

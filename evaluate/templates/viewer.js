@@ -1,6 +1,7 @@
 "use strict";
-(() => {
+(async () => {
   const byId = (id) => document.getElementById(id);
+  const THREE = await import(URL.createObjectURL(new Blob([byId("three").textContent], { type: "text/javascript" })));
   const json = (id) => JSON.parse(byId(id).textContent);
   const headers = json("viewer-clips");
 

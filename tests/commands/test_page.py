@@ -6,25 +6,35 @@ import re
 import struct
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from tests.commands.chromium import PROGRAM, Chromium
 from tests.motion.bvh_text import bvh_text, performer, still
+from uvcloth.bodies.body import load_body
 from uvcloth.commands import page_file
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_file import WASM, add_clips, write_page
+from uvcloth.commands.page_characters import add_clips
+from uvcloth.commands.page_file import WASM, write_page
 from uvcloth.commands.play_motion import retargeted
+from uvcloth.dataset.clip import SimulatedClip, clip_of_garment
+from uvcloth.dataset.clip_file import load_simulated, save_simulated
 from uvcloth.errors import InputError
+from uvcloth.garments.garment import Outfit as Dressed
+from uvcloth.garments.loading import load_outfit
+from uvcloth.methods.registry import load_method
 from uvcloth.motion.options import MotionOptions
-from uvcloth.player.baked import EXTENSION, open_baked
+from uvcloth.player.baked import EXTENSION, BakedFile, open_baked
 from uvcloth.player.outfit import Cloth, Outfit
+from uvcloth.rollout import rollout
 
 needs_wasm = pytest.mark.skipif(
     not WASM.is_file(), reason="the runtime for WebAssembly is not compiled: make wasm"
@@ -66,6 +76,15 @@ def folder(skirt: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("site") / "below"
     write_page(Page(out, (skirt,)))
     return out
+
+
+@pytest.fixture(scope="module")
+def qualities(skirt: Path, folder: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The page of a folder beside the skirt's, which has it in two qualities; its name."""
+    fast = tmp_path_factory.mktemp("fast") / "another name.glb"
+    fast.write_bytes(skirt.read_bytes())
+    write_page(Page(folder / "qualities", (skirt,), fast=(fast,)))
+    return "qualities/"
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +152,23 @@ def test_bad_input_is_one_sentence(skirt: Path, tmp_path: Path) -> None:
         with pytest.raises(InputError, match=words):
             write_page(Page(tmp_path / "out", paths))
     assert not (tmp_path / "out").exists()
+
+
+@needs_wasm
+def test_the_fast_quality_has_to_be_of_the_same_garments(
+    skirt: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    out = tmp_path_factory.mktemp("out")
+    other = out / "other.glb"
+    bake(Bake(("tops",), other, motion="walk", quality="fast", options=MotionOptions(frames="20:24")))
+    for page, words in (
+        (Page(out / "page", (skirt,), fast=(other,)), "other joints or garments"),
+        (Page(out / "page", (skirt,), fast=(skirt, skirt)), "one for each"),
+        (Page(out / "page", fast=(skirt,)), "name the files"),
+    ):
+        with pytest.raises(InputError, match=words):
+            write_page(page)
+    assert not (out / "page").exists()
 
 
 def test_without_the_module_the_command_says_how_to_get_it(
@@ -246,8 +282,7 @@ WATCH = """(() => {
 
 MARK = """(() => {
   const { mesh } = uvcloth.hand.marks.find(({ part }) => part === "%s");
-  const { x, y } = mesh.position.clone().project(uvcloth.stage.camera);
-  return [(x / 2 + 0.5) * innerWidth, (0.5 - y / 2) * innerHeight, ...mesh.position];
+  return [...uvcloth.stage.onPage(mesh.position), ...mesh.position];
 })()"""
 
 
@@ -294,6 +329,65 @@ def test_a_part_that_is_dragged_comes_to_the_pointer_and_stays_in_a_pause(
     assert 0.1 < most["cloth"] < 8.0
     assert browser.value("document.getElementById('message').textContent") == ""
     assert browser.errors == []
+
+
+FOOT = """(() => {
+  const { figure } = uvcloth.playback;
+  const joints = ["right_foot", "right_toes"].map((role) => figure.joints[role]);
+  return joints.map((joint) => joint.matrixWorld.elements[13] - figure.floorOf(joint));
+})()"""
+"""Heights of the right foot and its toes over where they are on a figure that stands, m."""
+
+
+@needs_wasm
+@needs_browser
+def test_a_foot_does_not_go_through_the_floor(browser: Chromium, address: str) -> None:
+    open_page(browser, address)
+    browser.value(f"{PAUSE}; {WATCH}")
+    browser.wait_for(SETTLED)
+    before = browser.value(FOOT)
+    drag(browser, "right_foot", (40.0, 150.0))
+    browser.wait_for("most.frames > 30")
+    after, side = browser.value(FOOT), browser.value(MARK % "right_foot")
+    for was, is_now in zip(before, after, strict=True):
+        assert is_now > min(was, 0.0) - 0.005
+    # It goes sideways along the floor nevertheless.
+    point(browser, "Moved", side[0] - 60.0, side[1] + 150.0)
+    browser.wait_for("most.frames > 60")
+    assert browser.value(MARK % "right_foot")[2] < side[2] - 0.05
+    assert min(browser.value(FOOT)) > min(*before, 0.0) - 0.005
+    assert browser.errors == []
+
+
+@needs_wasm
+@needs_browser
+def test_keys_move_a_part(browser: Chromium, address: str) -> None:
+    open_page(browser, address)
+    browser.value(f"{PAUSE}; {WATCH}")
+    browser.wait_for(SETTLED)
+    before = browser.value(MARK % "left_hand")
+    browser.value("document.querySelector('.grip[aria-label=\"left hand\"]').focus()")
+    for _ in range(8):
+        press(browser, "ArrowUp")
+    assert browser.value("uvcloth.playback.motion.grip?.part") == "left_hand"
+    browser.wait_for("most.frames > 24")
+    # Eight steps of 0.015 heights, upwards as it is shown.
+    after, height = browser.value(MARK % "left_hand"), browser.value("uvcloth.playback.figure.height")
+    assert after[3] - before[3] == pytest.approx(8 * 0.015 * height, rel=0.2)
+    press(browser, "Escape")
+    assert not browser.value("Boolean(uvcloth.playback.motion.grip)")
+    # In a pause it stays, and one that loses the focus is let go too.
+    press(browser, "ArrowLeft")
+    assert browser.value("Boolean(uvcloth.playback.motion.grip)")
+    browser.value("document.activeElement.blur()")
+    assert not browser.value("Boolean(uvcloth.playback.motion.grip)")
+    assert browser.errors == []
+
+
+def press(browser: Chromium, key: str) -> None:
+    """Press a key and let it go."""
+    for kind in ("keyDown", "keyUp"):
+        browser.call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
 
 
 @needs_wasm
@@ -403,7 +497,7 @@ def test_garments_are_hidden_and_strain_and_cages_shown(browser: Chromium, addre
         """(() => {
           const { points, rest, meshes } = uvcloth.cloth.garments[0];
           rest.forEach((x, i) => { points[i] = 1.1 * x; });
-          uvcloth.view.strain.update();
+          uvcloth.overlays.strains[0].update();
           return [...meshes[0].geometry.attributes.color.array];
         })()"""
     )
@@ -411,10 +505,10 @@ def test_garments_are_hidden_and_strain_and_cages_shown(browser: Chromium, addre
         np.reshape(colours, (-1, 3)), [[0.8, 0.31, 0.035]] * (len(colours) // 3), atol=1e-3
     )
     browser.value(layer % "cage")
-    browser.wait_for("uvcloth.view.cage.lines.geometry.attributes.position.array.some((x) => x)")
+    browser.wait_for("uvcloth.overlays.cages[0]?.lines.geometry.attributes.position.array.some((x) => x)")
     lines = browser.value(
         """(({ index, attributes }) => [[...index.array], [...attributes.position.array]])(
-          uvcloth.view.cage.lines.geometry)"""
+          uvcloth.overlays.cages[0].lines.geometry)"""
     )
     outfit = Outfit(open_baked(skirt).content)
     faces = outfit.cage_faces()
@@ -488,6 +582,265 @@ def test_a_bvh_file_is_retargeted_as_the_laboratory_does_it(
     higher = frames[..., 2, 3] - expected[..., 2, 3]
     np.testing.assert_allclose(higher, higher.mean(), atol=1e-3)
     assert abs(higher.mean()) < 0.15
+    assert browser.errors == []
+
+
+PANES = """new Promise((done) => {
+  const { playback } = uvcloth, out = [];
+  playback.onFrame = ({ joints, answers }) => {
+    out.push({ joints: [...joints], panes: answers.map(({ vertices }) => [...vertices[0]]) });
+    if (out.length === 10) done(out);
+  };
+  playback.start(playback.clip, 0);
+})"""
+
+
+@needs_wasm
+@needs_browser
+def test_methods_are_shown_beside_each_other(
+    browser: Chromium, address: str, qualities: str, skirt: Path
+) -> None:
+    open_page(browser, address + qualities)
+    browser.value("uvcloth.beside.choose(uvcloth.beside.methods)")
+    browser.wait_for("document.querySelectorAll('.label').length === 3")
+    names = browser.value("[...document.querySelectorAll('.label')].map((each) => each.textContent)")
+    for name, start in zip(names, ("cloth, default", "cloth, fast", "skinning"), strict=True):
+        assert name.startswith(f"{start}live")
+    # Side by side, of one size.
+    places = browser.value("uvcloth.stage.panes")
+    assert len({(each["width"], each["top"]) for each in places}) == 1
+    assert places[0]["left"] + places[0]["width"] < places[1]["left"]
+    frames = browser.value(PANES)
+    baked = open_baked(skirt)
+    points, weights = skinned_garment(baked)
+    for frame in frames:
+        joints = np.reshape(frame["joints"], (-1, 3, 4))
+        own, other, skinned = (np.reshape(each, (-1, 3)) for each in frame["panes"])
+        # The same outfit in both qualities here: the second runtime knows nothing of the first.
+        np.testing.assert_array_equal(own, other)
+        blended = np.einsum("nj,jrc->nrc", weights, joints)
+        expected = np.einsum("nrc,nc->nr", blended[..., :3], points) + blended[..., 3]
+        np.testing.assert_allclose(skinned, baked.in_scene(expected), atol=1e-5)
+    assert browser.errors == []
+
+
+def skinned_garment(baked: BakedFile) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N, 3) of the only garment at rest, in the runtime's world, and their blend weights (N, J)."""
+    (garment,) = baked.garments
+    (primitive,) = baked.file.entries("meshes")[baked.file.entries("nodes")[garment.node]["mesh"]][
+        "primitives"
+    ]
+    names = primitive["attributes"]
+    place, joints, shares = (
+        baked.file.array(names[name], kind)
+        for name, kind in (("POSITION", "VEC3"), ("JOINTS_0", "VEC4"), ("WEIGHTS_0", "VEC4"))
+    )
+    points, weights = np.zeros((garment.size, 3)), np.zeros((garment.size, len(baked.skin.nodes)))
+    points[garment.vertices] = place @ baked.skin.axes[:3, :3].T
+    weights[garment.vertices[:, None], joints] = shares / shares.sum(1, keepdims=True)
+    return points, weights
+
+
+WARM_UP, LIFTED = 4, 0.01
+"""Frames of the simulation below that do not count, and metres that its prediction is too high."""
+
+
+def played(path: Path, frames: int) -> SimulatedClip:
+    """The first animation of a garment's file as a simulation, by the runtime that the page has too."""
+    baked = open_baked(path)
+    transforms, cloth = baked.motion(fps=30.0).transforms[:frames], Cloth(Outfit(baked.content))
+    cloth.start(transforms[0])
+    vertices = []
+    for joints in transforms:
+        cloth.step(joints, 1.0 / 30.0)
+        vertices.append(cloth.vertices(0))
+    (garment,) = baked.garments
+    rest, _ = skinned_garment(baked)
+    node = baked.file.entries("nodes")[garment.node]
+    (primitive,) = baked.file.entries("meshes")[node["mesh"]]["primitives"]
+    faces = garment.vertices[baked.file.array(primitive["indices"], "SCALAR").reshape(-1, 3)]
+    return clip_of_garment(
+        torch.from_numpy(np.array(vertices, np.float32)),
+        torch.from_numpy(faces),
+        torch.from_numpy(rest.astype(np.float32)),
+        torch.from_numpy(transforms.astype(np.float32)),
+        30.0,
+        WARM_UP,
+        {"clip": "a walk", "garment": garment.name},
+    )
+
+
+@pytest.fixture(scope="module")
+def simulation(skirt: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A simulation of the skirt, and a prediction of it that lacks the warm-up."""
+    folder, clip = tmp_path_factory.mktemp("simulation"), played(skirt, 24)
+    sequence, predicted = folder / "sequence.npz", folder / "predicted.npz"
+    save_simulated(clip, sequence)
+    np.savez(
+        predicted, vertices=clip.vertices.numpy()[WARM_UP:] + np.array([0, 0, LIFTED], np.float32), fps=30.0
+    )
+    return sequence, predicted
+
+
+@needs_wasm
+@needs_browser
+def test_errors_are_those_against_the_stored_simulation(
+    browser: Chromium, folder: Path, address: str, skirt: Path, simulation: tuple[Path, Path]
+) -> None:
+    sequence, predicted = simulation
+    write_page(Page(folder / "compared", (skirt,), simulated=sequence, predicted=(f"lifted={predicted}",)))
+    browser.open(f"{address}compared/")
+    browser.wait_for("Boolean(globalThis.uvcloth)")
+    browser.value("uvcloth.stage.light.castShadow = false")
+    # The cloth is measured where it has come the whole way; a second time round it starts from the same rest.
+    names = "[...document.querySelectorAll('.label')].map((each) => each.textContent)"
+    browser.wait_for(f"{names}.length === 4")
+    browser.wait_for(
+        """uvcloth.beside.wanted.every(
+          (each) => each.isTruth || uvcloth.comparison.errors.mean(each).share === 1)"""
+    )
+    assert browser.value(names) == [
+        "cloth, as it was bakedlive",
+        "simulationstored frames",
+        "liftedstored frames",
+        "skinninglive",
+    ]
+    curves = browser.value(
+        """uvcloth.beside.methods.map((method) =>
+          [method.name, [...uvcloth.comparison.errors.curve(method)]])"""
+    )
+    errors = {name: np.array(curve, dtype=float) for name, curve in curves}
+    # Stored frames are rounded to 0.05 mm; compilers round in other ways, and cloth goes apart from there.
+    assert np.max(errors["cloth"][:10]) < 0.1
+    assert np.max(errors["cloth"]) < 5.0
+    assert np.isnan(errors["lifted"][:WARM_UP]).all()
+    np.testing.assert_allclose(errors["lifted"][WARM_UP:], 1000 * LIFTED, atol=0.1)
+    clip, (points, weights) = load_simulated(sequence), skinned_garment(open_baked(skirt))
+    blended = np.einsum("nj,fjrc->fnrc", weights, clip.transforms.numpy())
+    skinned = np.einsum("fnrc,nc->fnr", blended[..., :3], points) + blended[..., 3]
+    expected = 1000 * np.linalg.norm(skinned - clip.vertices.numpy(), axis=2).mean(1)
+    np.testing.assert_allclose(errors["skinning"], expected, atol=0.01)
+    # What is told is the mean of the frames after the warm-up.
+    texts = "[...document.querySelectorAll('.figures .error')].map((each) => each.textContent)"
+    browser.wait_for(f"!{texts}.join().includes('…')")
+    told = browser.value(texts)
+    assert told[1:] == ["", f"{1000 * LIFTED:.1f} mm", f"{expected[WARM_UP:].mean():.1f} mm"]
+    stored = browser.value("[...uvcloth.comparison.errors.truth.vertices(7)]")
+    np.testing.assert_allclose(np.reshape(stored, (-1, 3)), clip.vertices.numpy()[7], atol=1e-6)
+    # A time that is chosen is shown at once where no cloth has to come to rest.
+    browser.value("uvcloth.playback.preview(uvcloth.playback.clip, 0.5)")
+    assert browser.value("uvcloth.playback.panes.map(({ isThere }) => isThere)") == [False, True, True, True]
+    # A hand leads the figure away from its stored frames.
+    browser.value("uvcloth.playback.start(uvcloth.playback.clip, 0.3); uvcloth.playback.toggle()")
+    browser.wait_for("uvcloth.playback.panes[0].isThere")
+    drag(browser, "left_hand", (20.0, -30.0))
+    browser.wait_for("!uvcloth.playback.panes[1].isThere && uvcloth.playback.panes[0].isThere")
+    browser.wait_for("document.querySelectorAll('.note:not([hidden])').length === 2")
+    assert browser.errors == []
+
+
+@needs_wasm
+@needs_browser
+def test_a_recurrent_rig_moves_as_in_python(
+    browser: Chromium, folder: Path, address: str, tmp_path: Path
+) -> None:
+    baked, sequence = tmp_path / "tops.glb", tmp_path / "sequence.npz"
+    bake(Bake(("tops",), baked, motion="jump", quality="fast", options=MotionOptions(frames="20:40")))
+    save_simulated(played(baked, 16), sequence)
+    write_page(Page(folder / "learned", (baked,), simulated=sequence, model=("recurrent", "lbs_smooth")))
+    browser.open(f"{address}learned/")
+    browser.wait_for("Boolean(globalThis.uvcloth)")
+    browser.value("uvcloth.stage.light.castShadow = false")
+    browser.wait_for("document.querySelectorAll('.label').length === 4")
+    names = browser.value("uvcloth.playback.panes.map(({ method: { name, kind } }) => `${name}, ${kind}`)")
+    assert names[1:] == ["simulation, stored frames", "recurrent, live", "lbs_smooth, stored frames"]
+    frames = browser.value(
+        """new Promise((done) => {
+          const { playback } = uvcloth, out = [];
+          playback.onFrame = ({ answers }) => {
+            out.push(answers.slice(2).map(({ vertices }) => [...vertices[0]]));
+            if (out.length === 16) done(out);
+          };
+          playback.start(playback.clip, 0);
+        })"""
+    )
+    body, clip = load_body(), load_simulated(sequence)
+    outfit = Dressed(body, load_outfit(("tops",), body))
+    for place, name in enumerate(("recurrent", "lbs_smooth")):
+        rolled = rollout(load_method(name, body), outfit, clip.transforms.double(), 30.0, clear=False)
+        expected = torch.stack([frame.in_world().vertices[0] for frame in rolled]).numpy()
+        shown = np.array([frame[place] for frame in frames]).reshape(expected.shape)
+        off = np.linalg.norm(shown - open_baked(baked).in_scene(expected), axis=2) / MILLIMETRE
+        print(name, "mm off, mean and largest:", off.mean(), off.max())
+        assert off.max() < 0.2
+    assert browser.errors == []
+
+
+@needs_wasm
+def test_models_need_a_template_that_they_know(
+    skirt: Path, simulation: tuple[Path, Path], tmp_path: Path
+) -> None:
+    sequence, _ = simulation
+    for model, words in (("recurrent", "is for the templates"), ("nobody", "nobody")):
+        with pytest.raises(InputError, match=words):
+            write_page(Page(tmp_path / "out", (skirt,), simulated=sequence, model=(model,)))
+    assert not (tmp_path / "out").exists()
+
+
+@needs_wasm
+def test_a_simulation_has_to_be_of_the_garment(
+    skirt: Path, simulation: tuple[Path, Path], tmp_path: Path
+) -> None:
+    sequence, predicted = simulation
+    clip = load_simulated(sequence)
+    (garment,) = clip.garments
+    changed = {
+        "torn.npz": replace(clip, garments=(replace(garment, faces=garment.faces[:-1]),)),
+        "larger.npz": replace(clip, garments=(replace(garment, rest=1.1 * garment.rest),)),
+        "film.npz": replace(clip, fps=24.0),
+        "fewer.npz": replace(clip, transforms=clip.transforms[:, :-1]),
+    }
+    for name, each in changed.items():
+        save_simulated(each, tmp_path / name)
+    np.savez(tmp_path / "short.npz", vertices=garment.vertices[:5].numpy())
+    out = tmp_path / "out"
+    for page, words in (
+        (Page(out, (skirt,), simulated=tmp_path / "torn.npz"), "their faces differ"),
+        (Page(out, (skirt,), simulated=tmp_path / "larger.npz"), "another mesh than that"),
+        (Page(out, (skirt,), simulated=tmp_path / "film.npz"), "24 frames per second"),
+        (Page(out, (skirt,), simulated=tmp_path / "fewer.npz"), "joints, the body of"),
+        (Page(out, (skirt, skirt), simulated=sequence), "on one file"),
+        (Page(out, (skirt,), predicted=("a=b",)), "--predicted: needs --simulated"),
+        (Page(out, (skirt,), simulated=sequence, predicted=("a=b",)), "no such file"),
+        (Page(out, (skirt,), simulated=sequence, predicted=(f"a={tmp_path / 'short.npz'}",)), "has 5 frames"),
+        (Page(out, (skirt,), simulated=sequence, predicted=(f"skinning={predicted}",)), "another method"),
+    ):
+        with pytest.raises(InputError, match=words):
+            write_page(page)
+    assert not out.exists()
+
+
+@needs_wasm
+@needs_browser
+def test_a_machine_that_is_too_slow_takes_the_fast_quality(
+    browser: Chromium, address: str, qualities: str
+) -> None:
+    browser.open(address + qualities)
+    browser.wait_for("Boolean(globalThis.uvcloth)")
+    browser.value(
+        """(() => {
+          const { playback } = uvcloth, old = playback.onFrame;
+          playback.onFrame = (frame) => {
+            if (uvcloth.beside.first.quality === "default") frame.answers[0].parts.cloth = 50;
+            old(frame);
+          };
+        })()"""
+    )
+    browser.wait_for(
+        "uvcloth.beside.first.quality === 'fast' && uvcloth.playback.panes[0].method.quality === 'fast'"
+    )
+    assert "it goes on in fast quality" in browser.value(SAID)
+    assert browser.value("document.getElementById('quality').selectedOptions[0].text") == "fast"
     assert browser.errors == []
 
 

@@ -15,7 +15,6 @@ import evaluate.selection as selecting
 from evaluate.__main__ import main
 from evaluate.compare import compare
 from evaluate.predicted import covered, load_predictions
-from evaluate.predicted_file import read_prediction
 from evaluate.records import Records
 from evaluate.selection import Selection, cases_on
 from tests.evaluate.test_compare import COUNTED, FPS, SETTLING, capsule_body, simulated, tube_garment
@@ -24,6 +23,7 @@ from uvcloth.commands.data import Data
 from uvcloth.dataset.bodies import keep_body
 from uvcloth.dataset.clip import SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated, save_simulated
+from uvcloth.dataset.predicted_file import read_prediction
 from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation
 from uvcloth.export.benchmark import export_benchmark

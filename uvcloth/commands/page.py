@@ -6,7 +6,9 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from uvcloth.files.options import NewFolder, Source
+from uvcloth.commands.options import NPZ, TRAINED, BodyFile
+from uvcloth.files.options import NewFolder, Several, Source, Text
+from uvcloth.methods.registry import list_methods
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,49 @@ class Page:
         ]
     ] = ()
     """Files that `uvcloth bake` wrote, with their animations."""
+    fast: Annotated[
+        tuple[Path, ...],
+        arg(
+            metavar="GLB ...",
+            help="The same characters in the same garments, baked with `--quality fast`, in the same order: "
+            "slow machines take that quality, and a visitor may.",
+            help_behavior_hint="",
+        ),
+        Source((".glb",)),
+    ] = ()
+    simulated: Annotated[
+        Path | None,
+        arg(
+            metavar="NPZ",
+            help="A sequence that `uvcloth simulate` wrote: the page plays its motion, and draws the error "
+            "of each method against it. The file has to wear that garment alone; without one, the template "
+            "of that name is baked on the body.",
+            help_behavior_hint="",
+        ),
+        NPZ,
+    ] = None
+    predicted: Annotated[
+        tuple[str, ...],
+        arg(
+            metavar="NAME=FILE ...",
+            help="With --simulated: the same sequence by other methods, as `uvcloth rollout` or other "
+            "programs write it (.npz, .pc2, .mdd, .abc, .usd), played from stored frames.",
+            help_behavior_hint="",
+        ),
+        Text(r"[^=]+=.+", "NAME=FILE"),
+    ] = ()
+    model: Annotated[
+        tuple[str, ...],
+        arg(
+            metavar="NAME|RUN ...",
+            help=f"With --simulated: methods over its motion, without a finish: {list_methods()}; or "
+            f"{TRAINED}. A recurrent one is played by the visitor's browser, others from stored frames.",
+            help_behavior_hint="",
+        ),
+        Several(distinct=True),
+    ] = ()
+    body: BodyFile = None
+    """With --simulated: the body of the simulation, made by `uvcloth body`."""
 
     def run(self) -> None:
         """Write the page and say where it is. Raises InputError for bad input."""

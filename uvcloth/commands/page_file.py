@@ -2,8 +2,8 @@
 
 import base64
 import html
+import json
 import re
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -11,37 +11,25 @@ from pathlib import Path
 from urllib.parse import quote
 
 from uvcloth.commands.page import Page
+from uvcloth.commands.page_characters import Character, bake_own, load_characters
+from uvcloth.commands.page_comparison import compared_character
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write
 from uvcloth.physics.fabric import FABRICS
-from uvcloth.player.baked import FABRIC, open_baked
-from uvcloth.player.outfit import Outfit
+from uvcloth.player.baked import FABRIC
 
 SOURCES = Path(str(files("uvcloth") / "data" / "page"))
 WASM = Path(str(files("uvcloth") / "player" / "uvcloth.wasm"))
 
 THREE = "three.min.js"
 MODULES = (
-    *(
-        "runtime.js",
-        "cloth.js",
-        "figure.js",
-        "covered.js",
-        "strain.js",
-        "cage.js",
-        "transition.js",
-        "limb.js",
-    ),
-    *("grip.js", "motion.js", "playback.js", "roles.js", "retarget.js", "bvh.js", "scene.js", "hand.js"),
-    *("files.js", "page.js"),
+    *("runtime.js", "cloth.js", "figure.js", "covered.js", "strain.js", "cage.js", "overlays.js"),
+    *("transition.js", "limb.js", "grip.js", "motion.js", "playback.js", "roles.js", "retarget.js", "bvh.js"),
+    *("layout.js", "scene.js", "hand.js", "keys.js", "files.js", "arrays.js", "frames.js", "pane.js"),
+    *("skinning.js", "recurrent.js", "methods.js", "beside.js", "errors.js", "curve.js", "comparison.js"),
+    *("opening.js", "page.js"),
 )
 """Modules of the page, each after those that it imports."""
-
-SHOWN = {"dress.glb": ("dress",), "trousers and shirt.glb": ("bottoms", "tops")}
-"""Garments of the files that are baked where none is given, on our own body."""
-
-CLIPS = ("walk", "twirl", "jump", "dance")
-"""Built-in clips that are the animations of these files."""
 
 POLICY = re.compile(r'(http-equiv="Content-Security-Policy" content=)"[^"]*"')
 SINGLE_POLICY = (
@@ -67,29 +55,40 @@ class Written:
 def write_page(command: Page) -> Written:
     """Write a page as a folder, or as one file.
 
-    Raises InputError without the runtime for WebAssembly, for files that are not baked or damaged, two of one
-    name, and a full disk.
+    Raises InputError without the runtime for WebAssembly, as `load_characters` does, and for a full disk.
     """
     if not WASM.is_file():
         raise InputError(
             "page: the runtime for WebAssembly is not installed; `make wasm` compiles it in a checkout, and "
             "wheels have it"
         )
-    characters = _read(command.file) if command.file else _baked()
-    page = _filled((SOURCES / "index.html").read_text(encoding="utf-8"), list(characters))
-    wasm = WASM.read_bytes()
+    characters = _characters(command)
+    page = _filled((SOURCES / "index.html").read_text(encoding="utf-8"), characters)
+    parts = {"uvcloth.wasm": WASM.read_bytes()}
+    for character in characters:
+        parts |= character.files
     if command.out.suffix.lower() == ".html":
-        parts = {"uvcloth.wasm": wasm, **characters}
         content = _joined(page, parts).encode()
         _write(command.out, content)
         return Written(command.out, {command.out.name: len(content)})
     names = ("page.css", "worker.js", THREE, *MODULES)
     written = {name: (SOURCES / name).read_bytes() for name in names}
     # The page comes last: where it is, the others are.
-    written |= {"uvcloth.wasm": wasm, **characters, "index.html": page.encode()}
+    written |= {**parts, "index.html": page.encode()}
     for name, content in written.items():
         _write(command.out / name, content)
     return Written(command.out / "index.html", {name: len(content) for name, content in written.items()})
+
+
+def _characters(command: Page) -> tuple[Character, ...]:
+    if command.fast and not command.file:
+        raise InputError("--fast: name the files that these are the fast quality of")
+    if command.simulated is not None:
+        return (compared_character(command, command.simulated),)
+    for name in ("model", "predicted", "body"):
+        if getattr(command, name):
+            raise InputError(f"--{name}: needs --simulated")
+    return load_characters(command.file, command.fast) if command.file else bake_own()
 
 
 def _write(path: Path, content: bytes) -> None:
@@ -97,59 +96,11 @@ def _write(path: Path, content: bytes) -> None:
         unfinished.write_bytes(content)
 
 
-def _read(paths: tuple[Path, ...]) -> dict[str, bytes]:
-    """The files by name, checked to be whole."""
-    characters: dict[str, bytes] = {}
-    for path in paths:
-        if path.name in characters:
-            raise InputError(f"page: {path.name} is there twice; a page has one file of a name")
-        try:
-            baked = open_baked(path)
-            outfit = Outfit(baked.content)
-            baked.require_fit(outfit.joints, outfit.garments)
-            baked.motion()
-        except ValueError as error:
-            raise InputError(str(error)) from error
-        characters[path.name] = path.read_bytes()
-    return characters
-
-
-def _baked() -> dict[str, bytes]:
-    """Our own body in some garments, which has some clips."""
-    from uvcloth.commands.bake import Bake
-    from uvcloth.commands.bake_file import bake
-
-    with tempfile.TemporaryDirectory(prefix="uvcloth-page-") as folder:
-        paths = [Path(folder) / name for name in SHOWN]
-        for path in paths:
-            bake(Bake(SHOWN[path.name], path, quality="fast"))
-            add_clips(path, CLIPS)
-        return {path.name: path.read_bytes() for path in paths}
-
-
-def add_clips(path: Path, clips: Sequence[str]) -> None:
-    """Add built-in clips to a baked file of our own body, behind its animations."""
-    import torch
-
-    from uvcloth.bodies.body import load_body
-    from uvcloth.export.gltf_cloth import animate_cloth
-    from uvcloth.export.gltf_reopened import reopened
-    from uvcloth.formats.gltf import read_gltf
-    from uvcloth.motion.library import load_clip
-
-    skin, document, body = open_baked(path).skin, reopened(read_gltf(path)), load_body()
-    for name in clips:
-        clip = load_clip(name, body)
-        animate_cloth(document, skin, clip.transforms(torch.float64).numpy(), clip.fps)
-        animation = {"name": name, "samplers": document.samplers, "channels": document.channels}
-        document.animations.append(animation)
-        document.samplers, document.channels = [], []
-    document.write(path)
-
-
-def _filled(page: str, characters: list[str]) -> str:
+def _filled(page: str, characters: Sequence[Character]) -> str:
     """The page with the choices of its lists."""
-    choices = [_option(quote(name), name.removesuffix(".glb")) for name in characters]
+    choices = [
+        _option(quote(each.name), each.name.removesuffix(".glb"), _methods(each)) for each in characters
+    ]
     fabrics = [
         _option(" ".join(f"{getattr(fabric, each):g}" for each in FABRIC), name)
         for name, fabric in FABRICS.items()
@@ -158,8 +109,19 @@ def _filled(page: str, characters: list[str]) -> str:
     return page.replace("<!-- fabrics -->", "".join(fabrics))
 
 
-def _option(value: str, text: str) -> str:
-    return f'<option value="{html.escape(value)}">{html.escape(text)}</option>'
+def _methods(character: Character) -> str:
+    """The methods of a character as the page reads them, "" for none."""
+    entries = []
+    for method in character.methods:
+        file = {} if method.content is None else {"file": quote(character.file_of(method))}
+        warm_up = {} if method.warm_up is None else {"warmUp": method.warm_up}
+        entries.append({"name": method.name, "kind": method.kind, **file, **warm_up})
+    return json.dumps(entries) if entries else ""
+
+
+def _option(value: str, text: str, methods: str = "") -> str:
+    beside = f' data-methods="{html.escape(methods)}"' if methods else ""
+    return f'<option value="{html.escape(value)}"{beside}>{html.escape(text)}</option>'
 
 
 def _joined(page: str, parts: Mapping[str, bytes]) -> str:

@@ -2,7 +2,8 @@
 import { BufferAttribute, BufferGeometry, LineBasicMaterial, LineSegments } from "./three.min.js";
 
 export class CageLines {
-  constructor(stage, corners, vertices) {
+  /** cages: {corners, vertices}, the corners of their faces and how many vertices they have. layer: of the scene. */
+  constructor(stage, { corners, vertices }, layer) {
     const edges = new Set();
     for (let face = 0; face < corners.length; face += 3)
       for (let k = 0; k < 3; k++) {
@@ -15,12 +16,8 @@ export class CageLines {
     const material = new LineBasicMaterial({ color: "#ffb454", transparent: true, opacity: 0.6, depthTest: false });
     this.lines = new LineSegments(geometry, material);
     this.lines.frustumCulled = false;
-    this.lines.visible = false;
+    this.lines.layers.set(layer);
     stage.scene.add(this.lines);
-  }
-
-  set isShown(isShown) {
-    this.lines.visible = isShown;
   }
 
   /** Show the cages between two frames. */

@@ -26,19 +26,16 @@ export async function makeCloth(gltf, worker, wasm) {
   );
   const outfit = new Uint8Array(await part("bufferView", extension.bufferView)).slice();
   const cloth = new Cloth(worker, bones, extension.joints, inverseBind, extension.axes, garments);
-  const { joints, garments: sizes, cages, corners } = await cloth.ask("open", { wasm, outfit, inverseAxes: inverse(extension.axes) });
-  if (joints !== bones.length || sizes.some((size, index) => size !== garments[index]?.size))
-    throw new Error("its cloth does not fit its meshes");
+  await cloth.open(wasm, outfit);
   garments.forEach((garment) => garment.release());
-  cloth.cages = { vertices: cages, corners };
   return cloth;
 }
 
 class Cloth {
   constructor(worker, bones, names, inverseBind, axes, garments) {
     Object.assign(this, { worker, bones, names, inverseBind, axes, garments, asked: new Map(), count: 0 });
-    const back = inverse(axes);
-    this.toRest = bones.map((_, index) => product(inverseBind.subarray(16 * index, 16 * index + 16), back));
+    this.inverseAxes = inverse(axes);
+    this.toRest = bones.map((_, index) => product(inverseBind.subarray(16 * index, 16 * index + 16), this.inverseAxes));
     worker.onmessage = ({ data }) => {
       const { answer, fail } = this.asked.get(data.id);
       this.asked.delete(data.id);
@@ -46,6 +43,28 @@ class Cloth {
       else answer(data);
     };
     worker.onerror = () => this.asked.forEach(({ fail }) => fail(new Error("the worker cannot be started")));
+  }
+
+  /** Read the bytes of an outfit. Throws an Error with a sentence for one that is damaged, or of other garments. */
+  async open(wasm, outfit) {
+    const { bones, garments } = this;
+    const { joints, garments: sizes, cages, corners } = await this.ask("open", { wasm, outfit, inverseAxes: this.inverseAxes });
+    if (joints !== bones.length || sizes.length !== garments.length || sizes.some((size, index) => size !== garments[index].size))
+      throw new Error("its cloth does not fit its meshes");
+    this.cages = { vertices: cages, corners };
+  }
+
+  /** Cloth of the same garments in another worker, of another outfit's bytes, with meshes of its own. */
+  async withOutfit(worker, wasm, outfit) {
+    const { bones, names, inverseBind, axes } = this;
+    const other = new Cloth(worker, bones, names, inverseBind, axes, this.twins());
+    await other.open(wasm, outfit);
+    return other;
+  }
+
+  /** The garments once more, with meshes of their own. */
+  twins() {
+    return this.garments.map((garment) => garment.twin());
   }
 
   /** The transforms of the joints as the nodes are now, 12 J numbers; their matrixWorld has to be up to date. */
@@ -98,7 +117,7 @@ class Cloth {
 class Garment {
   constructor(scene, node, vertices, fabric) {
     Object.assign(this, { scene, node, vertices, fabric, size: 1 + vertices.reduce((a, b) => Math.max(a, b), 0) });
-    this.meshes = [];
+    Object.assign(this, { meshes: [], isWanted: true, isThere: true });
     node.traverse((each) => each.isMesh && this.meshes.push(each));
     this.points = new Float32Array(3 * this.size);
     this.normals = new Float32Array(3 * this.size);
@@ -110,12 +129,30 @@ class Garment {
     });
   }
 
+  /** The garment once more, with meshes of its own. Only one that was released has twins. */
+  twin() {
+    const node = this.node.clone();
+    node.traverse((each) => { if (each.isMesh) each.geometry = each.geometry.clone(); });
+    this.node.parent.add(node);
+    const twin = new Garment(this.scene, node, this.vertices, this.fabric);
+    twin.rest = this.rest;
+    twin.release();
+    return twin;
+  }
+
+  /** Whether it is shown where there is something to show. */
   get isShown() {
-    return this.node.visible;
+    return this.isWanted;
   }
 
   set isShown(isShown) {
-    this.node.visible = isShown;
+    this.isWanted = isShown;
+    this.node.visible = isShown && this.isThere;
+  }
+
+  /** Show nothing. */
+  vanish() {
+    this.isThere = this.node.visible = false;
   }
 
   /** Take the meshes off the skeleton: their vertices are in the world from now on. */
@@ -135,6 +172,8 @@ class Garment {
 
   show(from, to, share) {
     const { points } = this;
+    this.isThere = true;
+    this.node.visible = this.isWanted;
     for (let i = 0; i < points.length; i++) points[i] = from[i] + share * (to[i] - from[i]);
     this.#computeNormals();
     for (const { geometry } of this.meshes) {

@@ -33,6 +33,11 @@ export class Figure {
     this.forward = new Vector3(-cloth.axes[1], -cloth.axes[5], -cloth.axes[9]).normalize();
   }
 
+  /** Height of a joint where the figure stands on the floor; ground: how much higher the floor is than at rest. */
+  floorOf(joint) {
+    return this.rest[this.cloth.bones.indexOf(joint)].elements[13] + (this.ground ?? -Infinity);
+  }
+
   /** Places and turns that the nodes have now, all relative to the nodes above. */
   relative() {
     return new Pose(this.nodes.map((node) => node.position.clone()), this.nodes.map((node) => node.quaternion.clone()));

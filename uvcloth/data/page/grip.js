@@ -8,6 +8,7 @@ const TURNING = 12; // radians/s, of a joint at most
 const LEASH = 0.1; // heights that the hips go sideways before the feet follow
 const CROUCH = 0.26, RISE = 0.01; // heights that the hips go down at most, and up before the feet follow
 const LEAN = 0.7; // radians that the back leans to a point out of reach
+const RAISED = 4; // times at most that a foot is taken off the floor in a frame
 const TORSO = 0.085; // heights around the spine that hands stay out of
 const UP = new Vector3(0, 1, 0);
 
@@ -50,6 +51,7 @@ export class Grip {
   /** Change the nodes, which have the pose of a frame; last: the pose before it. */
   apply(last) {
     this.turning.clear();
+    this.levels = this.#levels();
     const place = placeOf(this.hips), limb = this.limbs[this.part];
     this.#approach(place);
     if (!limb) {
@@ -115,9 +117,29 @@ export class Grip {
     return axis.add(out.setLength(least));
   }
 
+  // Heights that feet and toes do not go below: the floor's, or where the animation has them.
+  #levels() {
+    const { figure } = this, levels = new Map();
+    for (const side of ["left", "right"])
+      for (const role of ["foot", "toes"]) {
+        const joint = figure.joints[`${side}_${role}`];
+        if (joint) levels.set(joint, Math.min(figure.floorOf(joint), placeOf(joint).y));
+      }
+    return levels;
+  }
+
+  // How far a foot, or its toes, are below their levels.
+  #below(name) {
+    const [side] = name.split("_"), joints = ["foot", "toes"].map((role) => this.figure.joints[`${side}_${role}`]);
+    return Math.max(0, ...joints.filter(Boolean).map((joint) => this.levels.get(joint) - placeOf(joint).y));
+  }
+
   #reach(name, point) {
     const limb = this.limbs[name];
     limb.reach(point, name.endsWith("foot") ? this.hips : (this.spine.at(-1) ?? this.hips));
+    // Raised as often as that turns its toes down again.
+    for (let turn = 0, below; name.endsWith("foot") && turn < RAISED && (below = this.#below(name)) > 0; turn++)
+      limb.reach((point = point.clone().setY(point.y + below)), this.hips);
     this.turning.add(limb.upper).add(limb.lower);
   }
 

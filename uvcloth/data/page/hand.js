@@ -5,6 +5,7 @@ import { Mesh, MeshBasicMaterial, Plane, Raycaster, SphereGeometry, Vector2, Vec
 
 const NEAR = { mouse: 22, pen: 22, touch: 34 }; // pixels
 const MARK = 0.011; // heights
+const KEYS = "keys", FARTHEST = 1; // heights that keys move a part
 const FAINT = 0.3, CLEAR = 0.85;
 
 export class Hand {
@@ -36,6 +37,11 @@ export class Hand {
   follow() {
     for (const { joint, mesh } of this.marks) mesh.position.copy(placeOf(joint));
     if (this.held === undefined) return;
+    if (this.held === KEYS) {
+      const point = this.keyed();
+      this.carried = this.playback.followed;
+      return this.playback.drag(point);
+    }
     // The plane goes along with the animation.
     const { followed } = this.playback;
     this.plane.translate(followed.clone().sub(this.carried));
@@ -68,6 +74,10 @@ export class Hand {
   #release(event) {
     if (this.held === undefined || (event && event.pointerId !== this.held)) return;
     event?.stopImmediatePropagation();
+    this.#letGo();
+  }
+
+  #letGo() {
     this.held = undefined;
     this.playback.release();
     this.#mark(null);
@@ -78,9 +88,32 @@ export class Hand {
     this.stage.canvas.style.cursor = mark ? (this.held === undefined ? "grab" : "grabbing") : "";
   }
 
+  // Within the pane in which the pointer has taken something.
   #aim({ clientX, clientY }) {
-    const { left, top, width, height } = this.stage.canvas.getBoundingClientRect();
+    const { left, top, width, height } = this.pane;
     this.aim = new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height);
+  }
+
+  /** Take a part without a pointer. Returns a function that moves it by shares of the height, to the right and upwards as
+   * it is shown, and lets it go without numbers; null while something is held. */
+  takeByKeys(part) {
+    const mark = this.marks.find((each) => each.part === part);
+    if (this.held !== undefined || !mark) return null;
+    const { playback } = this, { camera } = this.stage, from = placeOf(mark.joint), moved = new Vector3();
+    this.held = KEYS;
+    playback.hold(part);
+    this.carried = playback.followed;
+    this.keyed = () => from.add(playback.followed.sub(this.carried)).clone().add(moved);
+    this.#mark(mark);
+    return (right, up) => {
+      if (this.held !== KEYS || playback !== this.playback) return;
+      if (right === undefined) return this.#letGo();
+      const [x, y] = [new Vector3(), new Vector3()];
+      camera.matrixWorld.extractBasis(x, y, new Vector3());
+      moved.addScaledVector(x, right * playback.figure.height).addScaledVector(y, up * playback.figure.height);
+      moved.clampLength(0, FARTHEST * playback.figure.height);
+      playback.wake();
+    };
   }
 
   // Where the pointer is in the plane of what was taken.
@@ -90,10 +123,10 @@ export class Hand {
   }
 
   #nearest({ clientX, clientY, pointerType }) {
-    const { left, top, width, height } = this.stage.canvas.getBoundingClientRect();
+    this.pane = this.stage.paneAt(clientX, clientY);
     const distances = this.marks.map(({ joint }) => {
-      const { x, y } = placeOf(joint).project(this.stage.camera);
-      return Math.hypot((0.5 + x / 2) * width + left - clientX, (0.5 - y / 2) * height + top - clientY);
+      const [x, y] = this.stage.onPage(placeOf(joint), this.pane);
+      return Math.hypot(x - clientX, y - clientY);
     });
     const least = Math.min(...distances);
     return least < (NEAR[pointerType] ?? NEAR.mouse) ? this.marks[distances.indexOf(least)] : null;

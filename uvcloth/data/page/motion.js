@@ -1,12 +1,12 @@
 // The motion of a figure, frame after frame: an animation, smooth ways between animations, and a hand that holds it.
 import { Grip } from "./grip.js";
-import { AnimationMixer, Quaternion, Vector3 } from "./three.min.js";
+import { AnimationMixer, Matrix4, Quaternion, Vector3 } from "./three.min.js";
 import { Transition } from "./transition.js";
 
 export const FPS = 30;
 const AWAY = 0.25; // heights that the figure goes back, at most, to where an animation has it
 const TURNED = 1; // radians that it turns back at most
-const UP = new Vector3(0, 1, 0);
+const UP = new Vector3(0, 1, 0), ONE = new Vector3(1, 1, 1);
 
 export class Motion {
   constructor(figure) {
@@ -60,6 +60,13 @@ export class Motion {
   /** Seconds of the animation at the last frame. */
   get time() {
     return this.frame / FPS;
+  }
+
+  /** The frame of the animation that the figure is in, and the move from where it has it; null where a hand or a
+   * transition has changed the pose. */
+  get at() {
+    if (this.grip || this.transition || this.still) return null;
+    return { frame: this.frame, place: new Matrix4().compose(this.shift, this.turn, ONE) };
   }
 
   /** The pose of the next frame, which the nodes have then; playing: whether the animation goes on. */

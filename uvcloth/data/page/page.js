@@ -1,26 +1,31 @@
 // The page: its controls, and the loop that draws.
-import { makeCloth } from "./cloth.js";
+import { Beside } from "./beside.js";
 import { readBvh } from "./bvh.js";
-import { CageLines } from "./cage.js";
 import { lowerSkin } from "./covered.js";
+import { Comparison } from "./comparison.js";
 import { Figure } from "./figure.js";
 import { bytesOf, makeWorker } from "./files.js";
+import { GripKeys } from "./keys.js";
 import { Hand } from "./hand.js";
+import { methodsOf } from "./methods.js";
+import { FPS } from "./motion.js";
+import { openBaked } from "./opening.js";
+import { Overlays } from "./overlays.js";
 import { Playback } from "./playback.js";
 import { footHeight, retarget } from "./retarget.js";
 import { rolesOf } from "./roles.js";
 import { hasVectors } from "./runtime.js";
 import { Stage } from "./scene.js";
-import { StrainMap } from "./strain.js";
-import { GLTFLoader } from "./three.min.js";
 
-const OF_FILE = "glTF", GLB = 0x46546c67;
 const control = (name) => document.getElementById(name);
 const AVERAGED = 30; // frames
 const PICTURE = 1 / AVERAGED; // share of a picture in the mean of the last ones
+const TOO_LONG = 1000 / FPS; // milliseconds that a frame of cloth takes where its playback slows down
+const NARROW = "(max-width: 600px)";
+const MARGIN = 12; // pixels around the panes
 const pictures = { shown: 0, drawn: 0 }; // milliseconds
 
-let stage, updateSkin, hand, playback, view, cloth, animations, wasm, current, costs = [], opening = 0, isOpening = false;
+let stage, updateSkin, hand, keys, playback, beside, comparison, overlays, opened, animations, wasm, current, costs = [], opening = 0, isOpening = false;
 
 function say(sentence) {
   control("message").textContent = sentence;
@@ -31,32 +36,25 @@ async function open(option) {
   const turn = ++opening;
   control("busy").hidden = false;
   isOpening = true;
-  let worker;
+  const worker = makeWorker();
   try {
     const bytes = await (option.content ? option.content.arrayBuffer() : bytesOf(option.value));
-    checkWhole(bytes);
-    const gltf = await new GLTFLoader().parseAsync(bytes, "");
-    worker = makeWorker();
     wasm ??= await bytesOf("uvcloth.wasm");
-    const opened = await makeCloth(gltf, worker, wasm);
-    const moving = gltf.animations.filter((clip) => moves(clip, opened.bones));
-    if (!moving.length) throw new Error(gltf.animations.length ? "its animations move other joints than those of its cloth" : "it has no animation");
+    const made = await openBaked(bytes, worker, wasm);
     if (turn !== opening) return worker.terminate();
-    cloth?.worker.terminate();
-    cloth = opened;
-    stage.show(gltf);
-    animations = moving;
+    close();
+    opened = made;
+    animations = [...made.animations];
+    stage.show(made.gltf);
     listAnimations();
     say("");
-    if (control("fabric").value) changeFabric();
-    changeWorld();
-    begin(gltf);
+    await begin(JSON.parse(option.dataset.methods ?? "[]"));
     stage.frame();
     if (!option.parentNode) control("character").append(option);
     option.selected = true;
     current = option;
   } catch (error) {
-    worker?.terminate();
+    worker.terminate();
     if (turn !== opening) return;
     if (current) current.selected = true;
     say(`${option.text}: ${error.message}`);
@@ -66,42 +64,83 @@ async function open(option) {
   }
 }
 
-/** Whether an animation moves joints, or what they hang on. */
-function moves(clip, joints) {
-  const names = new Set();
-  for (let node of joints) for (; node; node = node.parent) names.add(node.name || node.uuid);
-  return clip.duration > 0 && clip.tracks.some(({ name }) => names.has(name.slice(0, name.lastIndexOf("."))));
+function close() {
+  for (const { pane } of beside?.methods ?? []) pane?.source.worker?.terminate();
 }
 
-// What the loader of three.js says of a cut file is no sentence for readers.
-function checkWhole(bytes) {
-  const head = new DataView(bytes);
-  if (bytes.byteLength < 20 || head.getUint32(0, true) !== GLB) throw new Error(`it is no binary ${OF_FILE} (.glb)`);
-  const size = head.getUint32(8, true);
-  if (size > bytes.byteLength) throw new Error(`it is cut: ${bytes.byteLength} of ${size} bytes are there`);
-}
-
-function begin(gltf) {
-  const { playing = true } = playback ?? {}, figure = new Figure(gltf.scene, cloth, rolesOf(cloth.names));
+/** Begin to play what was opened. described: methods that the page has beside its cloth. */
+async function begin(described) {
+  const { playing = true } = playback ?? {}, { gltf, cloth } = opened;
+  const figure = new Figure(gltf.scene, cloth, rolesOf(cloth.names));
   updateSkin = lowerSkin(figure);
-  playback = new Playback(figure, count, say);
+  const methods = methodsOf(opened, described, wasm, adjust), truth = methods.find(({ isTruth }) => isTruth);
+  const panes = [await methods[0].opened()];
+  comparison = truth ? await compare(truth, described) : null;
+  playback = new Playback(figure, panes, truth ? animations.at(-1) : null, count, say);
+  beside = new Beside(control("panes"), control("methods"), methods, showWanted);
+  costs = [];
+  adjust(cloth);
   Object.assign(playback, { playing, speed: Number(control("speed").value) });
-  playback.start(animations[0], 0);
-  figure.ground = footHeight(figure); // Where animations from elsewhere put it.
+  playback.start(playback.compared ?? animations[0], 0);
+  control("animation").value = animations.indexOf(playback.clip);
+  figure.ground = footHeight(figure); // Where animations from elsewhere, and hands, leave the feet.
   control("time").max = playback.last;
   hand.show(playback);
-  view?.cage.remove();
-  view = {
-    cage: new CageLines(stage, cloth.cages.corners, cloth.cages.vertices),
-    strain: new StrainMap(cloth.garments),
-  };
+  keys.show();
+  control("errors").hidden = !truth;
+  listQualities(methods);
   listGarments();
-  changeLayer();
-  globalThis.uvcloth = { cloth, playback, stage, hand, view }; // for the browser's console
+  globalThis.uvcloth = { cloth, playback, stage, hand, beside, comparison }; // for the browser's console
+  dress();
+  if (truth) beside.choose(methods.filter(({ quality }) => !quality));
+}
+
+/** Make the comparison with a simulation. */
+async function compare(truth, described) {
+  const { source } = await truth.opened(), { warmUp } = described.find(({ kind }) => kind === "truth");
+  const choose = (share) => seek(playback.compared, (share * (source.count - 1)) / FPS);
+  return new Comparison(source, warmUp, opened.cloth, { curve: control("curve"), scale: control("scale") }, choose);
+}
+
+/** Show the panes that are wanted, after those that are not yet there have been made. */
+async function showWanted() {
+  const turn = opening, { wanted } = beside;
+  control("busy").hidden = false;
+  try {
+    const panes = await Promise.all(wanted.map((method) => method.opened()));
+    if (turn !== opening || wanted.some((method, index) => method !== beside.wanted[index])) return;
+    for (const pane of panes) pane.onError = say;
+    playback.show(panes);
+    comparison?.show(panes);
+    costs = [];
+    dress();
+  } catch (error) {
+    if (turn === opening) say(error.message);
+  }
+}
+
+/** Show in all panes the garments that are chosen, and what is chosen over them. */
+function dress() {
+  const { value } = control("layer"), boxes = [...control("garments").querySelectorAll("input")].reverse();
+  for (const { garments } of playback.panes) garments.forEach((garment, index) => { garment.isShown = boxes[index].checked; });
+  updateSkin();
+  overlays?.remove();
+  overlays = new Overlays(stage, playback.panes, value);
+  globalThis.uvcloth.overlays = overlays;
+  control("legend").hidden = value !== "strain";
 }
 
 function play(clip, time) {
-  playback.goTo(clip, time);
+  // What is compared begins without a way from what was before.
+  if (clip === playback.compared) playback.start(clip, time);
+  else playback.goTo(clip, time);
+  control("time").max = playback.last;
+}
+
+/** Go to a time while it is chosen: the compared animation is shown there, any other one goes over to it. */
+function seek(clip, time) {
+  if (clip !== playback.compared) return play(clip, time);
+  playback.preview(clip, time);
   control("time").max = playback.last;
 }
 
@@ -111,51 +150,71 @@ function listAnimations() {
   control("animation").closest("label").hidden = named.length < 2;
 }
 
-function count({ parts }) {
-  costs = [...costs, parts].slice(-AVERAGED);
+function listQualities(methods) {
+  const qualities = methods.filter(({ quality }) => quality);
+  control("quality").replaceChildren(...qualities.map(({ quality }) => new Option(quality, methods.findIndex((each) => each.quality === quality))));
+  control("quality").disabled = qualities.length < 2;
+}
+
+function changeQuality() {
+  beside.lead(beside.methods[Number(control("quality").value)]);
+}
+
+function count(frame) {
+  const { panes } = playback, { answers, milliseconds } = frame, [{ parts }] = answers;
+  beside.count(panes, answers);
+  if (comparison && !isAltered()) comparison.note(panes, frame);
+  costs = [...costs, { ...parts, pose: milliseconds }].slice(-AVERAGED);
   const mean = (name) => costs.reduce((sum, each) => sum + each[name], 0) / costs.length;
-  const text = (name) => mean(name).toFixed(1), beside = mean("pose") + mean("vertices");
+  const text = (name) => mean(name).toFixed(1), others = mean("pose") + mean("vertices");
   control("milliseconds").textContent =
-    `${text("cloth")} ms per frame of cloth, ${beside.toFixed(1)} for its pose and its vertices; ` +
+    `${text("cloth")} ms per frame of cloth, ${others.toFixed(1)} for its pose and its vertices; ` +
     `${pictures.shown.toFixed(1)} to show a picture, ${pictures.drawn.toFixed(1)} to draw it`;
+  if (costs.length === AVERAGED && mean("cloth") + others > TOO_LONG) slow(mean("cloth") + others);
+}
+
+/** Take the fast quality, if there is one and nothing else takes time. */
+function slow(milliseconds) {
+  const fast = beside.methods.find(({ quality }) => quality === "fast");
+  costs = [];
+  if (!fast || fast === beside.first || beside.wanted.length > 1 || document.hidden) return;
+  say(`A frame of cloth takes ${milliseconds.toFixed(0)} ms here, and ${TOO_LONG.toFixed(0)} are there: it goes on in fast quality.`);
+  control("quality").value = beside.methods.indexOf(fast);
+  changeQuality();
 }
 
 function listGarments() {
-  const boxes = cloth.garments.map((garment, index) => {
+  const boxes = opened.cloth.garments.map(({ node }, index) => {
     const label = document.createElement("label"), box = document.createElement("input");
     Object.assign(box, { type: "checkbox", checked: true });
-    box.addEventListener("change", () => {
-      garment.isShown = box.checked;
-      updateSkin();
-    });
-    label.append(box, garment.node.name.replaceAll("_", " ") || `garment ${index + 1}`);
+    box.addEventListener("change", dress);
+    label.append(box, node.name.replaceAll("_", " ") || `garment ${index + 1}`);
     return label;
   });
   control("garments").replaceChildren(...boxes.reverse()); // The outermost on top.
 }
 
-function changeLayer() {
-  const { value } = control("layer");
-  if (view) [view.strain.isShown, view.cage.isShown] = [value === "strain", value === "cage"];
-  control("legend").hidden = value !== "strain";
+/** Give cloth the fabric and the world of the controls. */
+function adjust(cloth) {
+  const value = (name) => Number(control(name).value), fabric = control("fabric").value;
+  const done = [cloth.setWorld([value("wind-x"), value("wind-y"), 0], [0, 0, -value("gravity")])];
+  done.push(cloth.setFabric(fabric && fabric.split(" ").map(Number)));
+  for (const each of done) each.catch((error) => say(error.message));
 }
 
-function changeWorld() {
-  const value = (name) => Number(control(name).value);
-  for (const name of ["wind-x", "wind-y", "gravity", "speed"]) control(name).nextElementSibling.value = value(name);
-  playback?.wake();
-  cloth?.setWorld([value("wind-x"), value("wind-y"), 0], [0, 0, -value("gravity")]).catch((error) => say(error.message));
+/** Whether the cloth is not as it was baked, or the world not as it was simulated. */
+function isAltered() {
+  return Boolean(control("fabric").value) || ["wind-x", "wind-y", "gravity"].some((name) => control(name).value !== control(name).defaultValue);
 }
 
-function changeFabric() {
-  const { value } = control("fabric");
+function change() {
+  for (const name of ["wind-x", "wind-y", "gravity"]) control(name).nextElementSibling.value = Number(control(name).value);
   playback?.wake();
-  cloth?.setFabric(value && value.split(" ").map(Number)).catch((error) => say(error.message));
+  for (const { pane } of beside?.methods ?? []) if (pane?.source.setWorld) adjust(pane.source);
 }
 
 function togglePlaying() {
-  if (!playback) return;
-  playback.toggle();
+  playback?.toggle();
 }
 
 /** Play the motion of a BVH file on the figure, as one more of its animations. */
@@ -188,17 +247,21 @@ function openChosen() {
 }
 
 function connect() {
-  control("controls").open = !matchMedia("(max-width: 600px)").matches;
+  control("controls").open = !matchMedia(NARROW).matches;
   const on = (name, kind, act) => control(name).addEventListener(kind, act);
   on("play", "click", togglePlaying);
-  on("time", "input", () => playback && play(playback.clip, Number(control("time").value)));
+  on("time", "input", () => playback && seek(playback.clip, Number(control("time").value)));
+  on("time", "change", () => playback?.isHeld && play(playback.clip, Number(control("time").value)));
+  for (const kind of ["pointerup", "pointercancel"]) on("curve", kind, () => playback?.isHeld && play(playback.clip, playback.time));
   on("speed", "input", () => {
-    if (playback) playback.speed = Number(control("speed").value);
-    changeWorld();
+    const speed = Number(control("speed").value);
+    control("speed").nextElementSibling.value = speed;
+    if (playback) playback.speed = speed;
   });
-  for (const name of ["wind-x", "wind-y", "gravity"]) on(name, "input", changeWorld);
-  on("fabric", "change", changeFabric);
-  on("layer", "change", changeLayer);
+  for (const name of ["wind-x", "wind-y", "gravity"]) on(name, "input", change);
+  on("fabric", "change", change);
+  on("quality", "change", changeQuality);
+  on("layer", "change", () => playback && dress());
   on("character", "change", openChosen);
   on("animation", "change", () => play(animations[Number(control("animation").value)], 0));
   on("file", "change", () => openFile(control("file").files[0]));
@@ -208,10 +271,28 @@ function connect() {
     openFile(event.dataTransfer.files[0]);
   });
   addEventListener("keydown", (event) => {
-    if (event.key !== " " || event.target.closest("button, select, input, summary")) return;
+    if (event.key !== " " || event.target.closest("button:not(.grip), select, input, summary")) return;
     event.preventDefault();
     togglePlaying();
   });
+}
+
+/** Divide the page among the panes: one has all of it, several what the controls leave free. */
+function divide() {
+  const { panes } = playback, { clientWidth: width, clientHeight: height } = stage.canvas;
+  const place = { left: 0, top: 0, width, height };
+  if (panes.length > 1) {
+    const { left, bottom } = control("controls").getBoundingClientRect(), isNarrow = matchMedia(NARROW).matches;
+    place.left = place.top = MARGIN;
+    if (isNarrow) place.top += control("controls").open ? 0 : bottom;
+    place.width = (isNarrow ? width : left) - 2 * MARGIN;
+    place.height = control("bar").getBoundingClientRect().top - place.top - MARGIN;
+  }
+  stage.divide(place, panes.map(({ method }) => method.layer));
+  beside.label(panes, stage.panes);
+  if (!comparison) return;
+  beside.tell((method) => comparison.text(method));
+  if (playback.isComparing) comparison.curve.point(playback.time * FPS);
 }
 
 let before = performance.now();
@@ -221,10 +302,11 @@ function draw(now) {
   before = now;
   if (playback) {
     const begun = performance.now();
+    divide();
     playback.advance(seconds);
     hand.follow();
-    if (control("layer").value === "strain") view.strain.update();
-    if (playback.shownCages) view.cage.update(...playback.shownCages);
+    keys.follow();
+    overlays.update(playback.between);
     const isReady = performance.now();
     control("play").textContent = playback.playing ? "Pause" : "Play";
     if (document.activeElement !== control("time") || playback.playing) control("time").value = playback.time;
@@ -247,6 +329,7 @@ function boot() {
     return say("This browser shows no WebGL, which the page draws with.");
   }
   hand = new Hand(stage);
+  keys = new GripKeys(control("grips"), hand);
   connect();
   openChosen();
   requestAnimationFrame(draw);

@@ -46,6 +46,22 @@ class Runtime {
     this.#check(this.core.uvc_step(this.cloth, place, seconds, this.message, ROOM));
   }
 
+  /** All that the cloth remembers, bytes for `restore`. */
+  save() {
+    const size = this.core.uvc_saved_size(this.cloth), place = this.core.malloc(size);
+    this.core.uvc_save(this.cloth, place);
+    const saved = this.#bytes(place, size).slice();
+    this.core.free(place);
+    return saved;
+  }
+
+  restore(saved) {
+    const place = this.core.malloc(saved.length);
+    this.#bytes(place, saved.length).set(saved);
+    this.core.uvc_restore(this.cloth, place, saved.length);
+    this.core.free(place);
+  }
+
   setWorld(wind, gravity) {
     const place = this.#put([...wind, ...gravity], 6);
     this.#check(this.core.uvc_set_world(this.cloth, place, place + 24, this.message, ROOM));
@@ -92,4 +108,16 @@ class Runtime {
     const sentence = this.#bytes(this.message, ROOM);
     throw new Error(new TextDecoder().decode(sentence.slice(0, sentence.indexOf(0))));
   }
+}
+
+/** Vertices (3 N numbers) in the scene's axes and unit, rounded for the graphics card. toScene: a matrix (4, 4), column
+ * after column, of a turn and a scale. */
+export function placed(vertices, toScene) {
+  const out = new Float32Array(vertices.length);
+  for (let i = 0; i < out.length; i += 3) {
+    const x = vertices[i], y = vertices[i + 1], z = vertices[i + 2];
+    for (let row = 0; row < 3; row++)
+      out[i + row] = toScene[row] * x + toScene[4 + row] * y + toScene[8 + row] * z;
+  }
+  return out;
 }

@@ -1,7 +1,7 @@
 // A worker that holds the cloth of one character: a question in, an answer out, in the same order.
-import { makeRuntime } from "./runtime.js";
+import { makeRuntime, placed } from "./runtime.js";
 
-let runtime, toScene;
+let runtime, toScene, rested; // rested: where it came to rest last, and what it remembered then
 
 const ANSWERS = {
   async open({ wasm, outfit, inverseAxes }) {
@@ -11,37 +11,33 @@ const ANSWERS = {
     return { joints, garments, cages, corners: runtime.cageCorners() };
   },
   start({ joints }) {
-    runtime.start(joints);
+    if (rested?.joints.every((number, index) => number === joints[index])) {
+      runtime.restore(rested.saved);
+    } else {
+      runtime.start(joints);
+      rested = { joints, saved: runtime.save() };
+    }
     return {};
   },
   step({ joints, seconds }) {
     const begun = performance.now();
     runtime.step(joints, seconds);
     const stepped = performance.now();
-    const vertices = runtime.garments.map((_, garment) => placed(runtime.vertices(garment)));
-    const cages = placed(runtime.cageVertices());
+    const vertices = runtime.garments.map((_, garment) => placed(runtime.vertices(garment), toScene));
+    const cages = placed(runtime.cageVertices(), toScene);
     return { vertices, cages, parts: { cloth: stepped - begun, vertices: performance.now() - stepped } };
   },
   world({ wind, gravity }) {
+    rested = null;
     runtime.setWorld(wind, gravity);
     return {};
   },
   fabrics({ factors }) {
+    rested = null;
     factors.forEach((each, garment) => runtime.setFabric(garment, ...each));
     return {};
   },
 };
-
-/** Vertices in the scene's axes and unit: 3 N numbers, rounded for the graphics card. */
-function placed(vertices) {
-  const out = new Float32Array(vertices.length);
-  for (let i = 0; i < out.length; i += 3) {
-    const x = vertices[i], y = vertices[i + 1], z = vertices[i + 2];
-    for (let row = 0; row < 3; row++)
-      out[i + row] = toScene[row] * x + toScene[4 + row] * y + toScene[8 + row] * z;
-  }
-  return out;
-}
 
 onmessage = async ({ data }) => {
   try {

@@ -87,10 +87,11 @@ def read_milliseconds(path: Path) -> float | None:
     return float(data["ms_per_frame"]) if data else None
 
 
-def read_prediction(path: Path, simulated: SimulatedGarment, fps: float) -> Tensor:
+def read_prediction(path: Path, simulated: SimulatedGarment, fps: float, skipped: int = 0) -> Tensor:
     """Read the vertices (F, N, 3) m of a garment, with Z up, for all frames of its simulation.
 
-    fps: frames per second of the simulation. Raises InputError naming the file if it is damaged, or differs
+    fps: frames per second of the simulation. skipped: frames of its beginning that the file may lack; fewer
+    are returned then. Raises InputError naming the file if it is damaged, or differs
     in the number of vertices or frames, the frame rate, the mesh, the rest pose, the unit or the axes, or
     holds a number that is not finite.
     """
@@ -103,7 +104,8 @@ def read_prediction(path: Path, simulated: SimulatedGarment, fps: float) -> Tens
         raise InputError(
             f"{path}: has {points.shape[1]:,} vertices, the garment {simulated.name} has {vertices:,}"
         )
-    if len(points) != frames:
+    lacking = frames - len(points)
+    if lacking not in (0, skipped):
         raise InputError(
             f"{path}: has {len(points)} frames, expected all {frames} of the simulation, warm-up included"
         )
@@ -115,7 +117,7 @@ def read_prediction(path: Path, simulated: SimulatedGarment, fps: float) -> Tens
     rest = _rest(path, sequence)
     if rest is not None:
         _require_rest(path, rest, simulated)
-    _require_place(path, points[0], simulated)
+    _require_place(path, points[0], simulated, lacking)
     return points
 
 
@@ -165,9 +167,12 @@ def _require_rest(path: Path, rest: Tensor, simulated: SimulatedGarment) -> None
         )
 
 
-def _require_place(path: Path, first: Tensor, simulated: SimulatedGarment) -> None:
-    """Raise InputError if the first frame (N, 3) looks like another unit, other axes or another order."""
-    expected = simulated.vertices[0]
+def _require_place(path: Path, first: Tensor, simulated: SimulatedGarment, frame: int) -> None:
+    """Raise InputError if the first frame (N, 3) looks like another unit, other axes or another order.
+
+    frame: of the simulation.
+    """
+    expected = simulated.vertices[frame]
     _require_unit(path, first, expected, "in its first frame")
     apart = float((first - expected).norm(dim=1).mean())
     for axes, matrix in OTHER_AXES.items():

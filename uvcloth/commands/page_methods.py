@@ -1,0 +1,20 @@
+"""Methods of a web page: ways to move the garments of a character."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class PageMethod:
+    """A way to move the garments of a character, beside others.
+
+    kind: baked (the cloth of the character's file, in the quality `name`), outfit (that of another quality),
+    recurrent (a rig), frames (stored ones), truth (stored ones that others are compared with). content: of
+    the file that the page reads for it, None where it needs none. warm_up: frames of the truth that are not
+    compared.
+    """
+
+    name: str
+    kind: Literal["baked", "outfit", "recurrent", "frames", "truth"]
+    content: bytes | None = None
+    warm_up: int | None = None
