@@ -1,4 +1,4 @@
-# `make demo` and `make test` need Python 3.11 or newer and make; everything else is installed into .venv.
+# `make demo`, `make compare` and `make test` need Python 3.11 or newer and make; everything else is installed into .venv.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -7,11 +7,14 @@ INSTALLED := .venv/installed
 # What is imported is compiled once and kept: without, every process would compile PyTorch again, for 5 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test engines fuzz wheel-test release-test lint install runtime wasm sanitize wheels clean
+.PHONY: demo compare test engines fuzz wheel-test release-test lint install runtime wasm sanitize wheels clean
 
-demo: install
+demo: install wasm
 	$(BIN)/uvcloth demo --out demo
-	$(BIN)/uvcloth evaluate --model lbs lbs_smooth physxnet motion_guided deepsd physics --data demo/sequences --out demo/report
+
+compare: install
+	$(BIN)/uvcloth demo --long --out compare
+	$(BIN)/uvcloth evaluate --model lbs lbs_smooth physxnet motion_guided deepsd physics --data compare/sequences --out compare/report
 
 test: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
@@ -84,5 +87,5 @@ wheels: install
 	$(BIN)/python runtime/wheels.py dist
 
 clean:
-	rm -rf .venv build dist demo *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv build dist demo compare *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -55,14 +55,16 @@ def commands(monkeypatch, body):
                 audience.add(RolloutFrame(index, garments, garments, joints[index], garments[0], {}))
         return SimpleNamespace(lines=lambda: ["a line"])
 
-    def export(command):
+    def write(command):
         known.append(command)
-        return SimpleNamespace(lines=lambda: ["a rig"])
+        return SimpleNamespace(lines=lambda: ["a file"])
 
     monkeypatch.setattr(demo, "WASM", Path("/no/such/file"))
+    monkeypatch.setattr(demo, "bake", write)
+    monkeypatch.setattr(demo, "play", write)
     monkeypatch.setattr(demo, "simulate_batch", simulate_batch)
     monkeypatch.setattr(demo, "animate", animate)
-    monkeypatch.setattr(demo, "export", export)
+    monkeypatch.setattr(demo, "export", write)
     monkeypatch.setattr(demo, "PICTURE_SIZE", SIZE)
     return known
 
@@ -71,9 +73,9 @@ def test_all_methods_are_drawn_below_the_simulation_at_the_same_moments(
     tmp_path, monkeypatch, capsys, commands
 ):
     monkeypatch.setattr(demo, "MOMENTS", dict.fromkeys(demo.MOMENTS, (-0.2, 0.1)))
-    demo.demonstrate(tmp_path)
+    demo.demonstrate(tmp_path, long=True)
     printed = capsys.readouterr().out
-    for outfit in demo.OUTFITS:
+    for outfit in (demo.DRESS, *demo.STOPPED):
         sheet = np.asarray(Image.open(tmp_path / f"{outfit.name}.png").convert("RGB"))
         rows, columns = np.array(sheet.shape[:2]) // np.array([SIZE[1] + GAP, SIZE[0] + GAP]) + 1
         assert (rows, columns) == (4, 2)
@@ -84,7 +86,7 @@ def test_all_methods_are_drawn_below_the_simulation_at_the_same_moments(
         network = outfit.network
         assert f"simulation, {network} cleared, {network} with --finish dynamic, physics" in printed
     ways = [(Path(c.motion).stem, c.garment, c.model, c.finish) for c in commands if hasattr(c, "finish")]
-    for outfit in demo.OUTFITS:
+    for outfit in (demo.DRESS, *demo.STOPPED):
         for model, finish in (
             (outfit.network, "clear"),
             (outfit.network, "dynamic"),
@@ -96,13 +98,16 @@ def test_all_methods_are_drawn_below_the_simulation_at_the_same_moments(
 def test_everything_moves_over_a_motion_that_stops_at_the_moment_that_is_called_so(
     tmp_path, monkeypatch, commands, body
 ):
-    monkeypatch.setattr(demo, "OUTFITS", ())
-    demo.demonstrate(tmp_path)
+    monkeypatch.setattr(demo, "STOPPED", ())
+    demo.demonstrate(tmp_path, long=True)
     motion = load_clip(tmp_path / "stop.npz", body)
     moves = motion.transforms().diff(dim=0).abs().flatten(1).amax(1)
     assert float(moves[: demo.FRAMES - 4].min()) > 1e-2
     still = int((moves > 1e-6).nonzero().max()) + 1
-    assert [command.motion for command in commands] == 3 * [str(tmp_path / "stop.npz")]
+    stopped = [
+        command for command in commands if getattr(command, "motion", "") == str(tmp_path / "stop.npz")
+    ]
+    assert len(stopped) == 3
     assert still == demo.standstill(motion.fps)
     assert still + max(demo.MOMENTS["stop"]) * motion.fps < len(motion)
 
@@ -114,13 +119,13 @@ def test_a_page_is_left_where_the_runtime_for_browsers_is(tmp_path, monkeypatch,
         pages.append(command)
         return SimpleNamespace(page=command.out)
 
-    monkeypatch.setattr(demo, "OUTFITS", ())
     monkeypatch.setattr(demo, "write_page", write_page)
     demo.demonstrate(tmp_path)
     assert pages == []
     monkeypatch.setattr(demo, "WASM", Path(__file__))
     demo.demonstrate(tmp_path)
     assert [page.out for page in pages] == [tmp_path / "page" / "index.html"]
+    assert pages[0].simulated.is_file()
     assert f"   file://{tmp_path}/page/index.html: open it in a browser\n" in capsys.readouterr().out
 
 
@@ -135,5 +140,5 @@ def test_a_leg_is_highest_when_the_demo_says_so(body):
 
 def test_a_refused_simulation_is_named(tmp_path, monkeypatch, commands):
     monkeypatch.setattr(demo, "simulate_batch", lambda *_: None)
-    with pytest.raises(InputError, match=r"stop_dress.npz: the simulation was rejected"):
+    with pytest.raises(InputError, match=r"kick_dress.npz: the simulation was rejected"):
         demo.demonstrate(tmp_path)

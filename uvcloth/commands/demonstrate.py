@@ -1,4 +1,4 @@
-"""One story from the data of the package: garments are moved over a sudden stop and over a kick.
+"""One story from the data of the package: a dress in a kick, and more clothes in a sudden stop.
 
 They are simulated, predicted by networks, predicted by networks over physics, and moved by physics alone.
 """
@@ -86,10 +86,10 @@ class DemoOutfit:
         }
 
 
-OUTFITS = (
+DRESS = DemoOutfit(KICK, ("dress",), "motion_guided", KICK)
+STOPPED = (
     DemoOutfit("dress", ("dress",), "motion_guided", "stop"),
     DemoOutfit("layers", ("bottoms", "tops"), "physxnet", "stop"),
-    DemoOutfit(KICK, ("dress",), "motion_guided", KICK),
 )
 
 FROM_FILES = {"casual": ("deepsd", "female_casualsuit01.mhclo"), "skirt": ("physics", "miniskirt.obj")}
@@ -112,45 +112,53 @@ class Snapshots:
             self.garments.append(frame.vertices)
 
 
-def demonstrate(out: Path) -> None:
-    """Simulate outfits over a sudden stop and a kick, roll methods out on both, write files and pictures.
+def demonstrate(out: Path, long: bool = False) -> None:
+    """Simulate a dress over a kick, roll methods out on it, write files, pictures, a film and a page.
 
-    `make demo` then lets `uvcloth evaluate` compare the methods in a report. Raises InputError if the
-    folder cannot be written.
+    long: more outfits, motions and files too. Raises InputError if the folder cannot be written.
     """
     console, body = Console(), load_body()
+    kick = DemoMotion(KICK, load_clip(KICK, body), HIGHEST, "the leg is highest")
+    console.print("1. A dress in a kick: simulated, by a network, by a network over physics, by physics")
+    simulate_batch(ClipSelection([kick.source]), [DRESS.garments], out / "sequences", body)
+    _compare(DRESS, kick, out, body, console)
+    console.print("2. Filming a T-shirt over trousers")
+    film = Rollout("dance", ("bottoms", "tops"), (out / "dance.mp4",), ("physics",))
+    _print(console, animate(film).lines())
+    console.print("3. Baking a dressed character for the runtime, and playing it in wind")
+    baked = out / "character.glb"
+    _print(console, bake(Bake(("bottoms", "tops"), baked, motion=KICK)).lines())
+    _print(console, play(Play(baked, out / "character_in_wind.glb", wind=WIND)).lines())
+    if WASM.is_file():
+        console.print("4. Writing a page: the kick by several methods, and a figure to drag by hand")
+        simulated = _sequence_files(DRESS, out / "sequences")[0]
+        page = write_page(Page(out / "page" / "index.html", simulated=simulated, model=("recurrent",))).page
+        _print(console, [f"{page.resolve().as_uri()}: open it in a browser"])
+    if long:
+        _go_on(out, body, console)
+
+
+def _go_on(out: Path, body: Body, console: Console) -> None:
+    """The longer part of the story: a sudden stop, layers, garment files and a rig."""
     stop = out / "stop.npz"
     clip = come_to_rest(load_clip(CLIP, body).window(0, FRAMES), STANDING)
     save_clip(clip, stop, f"The first {FRAMES} frames of the built-in clip {CLIP}, and a sudden stop.")
-    motions = {
-        "stop": DemoMotion(str(stop), clip, standstill(clip.fps), "the body stands still"),
-        KICK: DemoMotion(KICK, load_clip(KICK, body), HIGHEST, "the leg is highest"),
-    }
+    motion = DemoMotion(str(stop), clip, standstill(clip.fps), "the body stands still")
     console.print(
-        f"1. Simulating a dress, and a T-shirt over trousers, over {stop}, a turn that stops suddenly; and "
-        "the dress over a kick"
+        f"5. A dress, and a T-shirt over trousers, over {stop}, a turn that stops suddenly: the same"
     )
-    for name, motion in motions.items():
-        worn = [outfit.garments for outfit in OUTFITS if outfit.motion == name]
-        simulate_batch(ClipSelection([motion.source]), worn, out / "sequences", body)
-    console.print("2. Rolling out on the same motions: networks, networks over physics, physics")
-    for outfit in OUTFITS:
-        _compare(outfit, motions[outfit.motion], out, body, console)
-    console.print("3. Rolling out garment files: DeePSD on MakeHuman's top and leggings, physics on a skirt")
+    simulate_batch(
+        ClipSelection([motion.source]), [outfit.garments for outfit in STOPPED], out / "sequences", body
+    )
+    for outfit in STOPPED:
+        _compare(outfit, motion, out, body, console)
+    console.print("6. Rolling out garment files: DeePSD on MakeHuman's top and leggings, physics on a skirt")
     for name, (model, file) in FROM_FILES.items():
         garment = str(files("uvcloth") / "data" / "garments" / file)
         written = tuple(out / f"{name}.{suffix}" for suffix in ("glb", "usdc"))
         _print(console, animate(Rollout(str(stop), (garment,), written, (model,))).lines())
-    console.print("4. Exporting PBNS as a rig")
+    console.print("7. Exporting PBNS as a rig")
     _print(console, export(Export("pbns", out / "outfit_rig.glb", motion=str(stop))).lines())
-    console.print("5. Baking a dressed character for the runtime, and playing it in wind")
-    baked = out / "character.glb"
-    _print(console, bake(Bake(("bottoms", "tops"), baked, motion=str(stop))).lines())
-    _print(console, play(Play(baked, out / "character_in_wind.glb", wind=WIND)).lines())
-    if WASM.is_file():
-        console.print("6. Writing a page on which one drags a figure about, and its clothes follow")
-        page = write_page(Page(out / "page" / "index.html")).page
-        _print(console, [f"{page.resolve().as_uri()}: open it in a browser"])
 
 
 def standstill(fps: float) -> int:
@@ -182,11 +190,16 @@ def _compare(outfit: DemoOutfit, motion: DemoMotion, out: Path, body: Body, cons
 
 def _simulated(outfit: DemoOutfit, folder: Path) -> SimulatedClip:
     """The simulation of an outfit. Raises InputError if it was refused."""
-    paths = [folder / f"{outfit.motion}_{garment}.npz" for garment in outfit.garments]
+    paths = _sequence_files(outfit, folder)
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: the simulation was rejected, see {folder / 'rejected'}")
     return load_simulated(*paths)
+
+
+def _sequence_files(outfit: DemoOutfit, folder: Path) -> list[Path]:
+    """Files of an outfit's simulation, one for each garment."""
+    return [folder / f"{outfit.motion}_{garment}.npz" for garment in outfit.garments]
 
 
 def _sheet(

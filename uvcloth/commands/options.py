@@ -21,9 +21,10 @@ TRAINED = "a folder written by `uvcloth train`"
 MOTIONS = (".bvh", ".glb", ".gltf", ".vrm", ".fbx", ".npz")
 """Suffixes of motion files."""
 
+VIDEO = Package("av", "videos need PyAV: install uvcloth[video]", (".mp4", ".gif"))
 EXTRAS = (
     Package("alembic3d", "writing Alembic needs alembic3d: install uvcloth[alembic]", (".abc",)),
-    Package("av", "videos need PyAV: install uvcloth[video]", (".mp4", ".gif")),
+    VIDEO,
 )
 """Packages that formats of animations need."""
 
