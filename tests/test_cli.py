@@ -238,7 +238,7 @@ def test_export_writes_the_rig_that_its_options_ask_for(monkeypatch, capsys, tmp
     ],
 )
 def test_failing_commands_say_one_sentence(monkeypatch, stand_in, capsys, error, expected):
-    def failing(out: object):
+    def failing(out: object, long: bool):
         raise error
 
     stand_in("uvcloth.commands.demonstrate", demonstrate=failing)

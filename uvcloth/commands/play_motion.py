@@ -5,6 +5,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.regions import face_regions
 from uvcloth.characters.reader import read_character
 from uvcloth.errors import InputError
 from uvcloth.formats.gltf import read_gltf
@@ -33,8 +34,7 @@ def retargeted(baked: BakedFile, motion: str, options: MotionOptions) -> JointMo
 def body_of_baked(baked: BakedFile) -> Body:
     """The character of a baked file as a body for motions: in its rest pose, on the runtime's joints.
 
-    Its surface is that of all meshes of the character, without regions and proxies; nothing can be fitted to
-    it.
+    Its surface is that of all meshes of the character, without proxies; nothing can be fitted to it.
     """
     path, axes = baked.file.path, baked.skin.axes
     cloth = {garment.name for garment in baked.garments}
@@ -57,13 +57,15 @@ def body_of_baked(baked: BakedFile) -> Body:
     parents = _parents(baked, place)
     if not in_order(parents):
         raise InputError(f"{path}: a joint of its cloth comes before its parent")
+    skeleton = Skeleton(baked.skin.names, parents, _heads(baked))
+    regions, sides = face_regions(skeleton, weights, faces)
     return Body(
         name=path.stem,
         mesh=Mesh(vertices, faces, torch.zeros(0, 2), torch.zeros_like(faces)),
-        skeleton=Skeleton(baked.skin.names, parents, _heads(baked)),
+        skeleton=skeleton,
         weights=weights,
-        regions=torch.zeros(len(faces), dtype=torch.int64),
-        sides=torch.zeros(len(faces), dtype=torch.int64),
+        regions=regions,
+        sides=sides,
         proxies={},
     )
 

@@ -73,11 +73,11 @@ def loop_subdivision(points: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
     share = (40.0 - (2.0 * turn.cos() + 3.0) ** 2) / (64.0 * valence.clamp(min=1))
     share[rim] = 0.125
     kept = torch.where(rim, 0.75, 1.0 - valence * share)
-    moved = share[:, None] * around + kept[:, None] * points
+    corners = share[:, None] * around + kept[:, None] * points
     a, b, c = faces.unbind(1)
     ab, bc, ca = (count + edge_of.view(-1, 3)).unbind(1)
     split = torch.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], dim=1).view(-1, 3)
-    return torch.cat([moved, middles]), split
+    return torch.cat([corners, middles]), split
 
 
 def _first_split(split: Tensor) -> Tensor:

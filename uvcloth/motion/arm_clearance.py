@@ -75,11 +75,9 @@ def clear_arms(clip: Clip, body: Body, held: int = 0) -> Clip:
     for arm, (upper, *_) in enumerate(arm_joints(body)):
         at = transforms[deep.indices, upper]
         shoulders = (at[..., :3] @ skeleton.heads[upper] + at[..., 3])[:, None]
-        carriers = clip.rotations[deep.indices, skeleton.parents[upper]]
-        turns = _turns(deep, deep.places[:, arm], shoulders, carriers, smoothness)
-        moved = skeleton.branch(upper)
-        carried = clip.rotations[:, skeleton.parents[upper]]
-        rotations[:, moved] = (carried @ turns @ carried.mT)[:, None] @ rotations[:, moved]
+        carriers, branch = clip.rotations[:, skeleton.parents[upper]], skeleton.branch(upper)
+        turns = _turns(deep, deep.places[:, arm], shoulders, carriers[deep.indices], smoothness)
+        rotations[:, branch] = (carriers @ turns @ carriers.mT)[:, None] @ rotations[:, branch]
     return replace(clip, rotations=rotations)
 
 
