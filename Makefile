@@ -7,7 +7,7 @@ INSTALLED := .venv/installed
 # What is imported is compiled once and kept: without, every process would compile PyTorch again, for 5 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo compare test engines fuzz wheel-test release-test lint install runtime wasm sanitize wheels clean
+.PHONY: demo compare test thorough-test fuzz wheel-test release-test lint install runtime wasm sanitize wheels clean
 
 demo: install wasm
 	$(BIN)/uvcloth demo --out demo
@@ -19,8 +19,9 @@ compare: install
 test: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-engines: install
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/simulate --all-engines
+# The tests of other cloth engines and of killed commands too.
+thorough-test: install
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder --thorough
 
 fuzz: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz --cases 10000
@@ -51,6 +52,7 @@ $(INSTALLED): pyproject.toml setup.py constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "uvcloth needs Python 3.11 or newer: make PYTHON=python3.11 $(MAKECMDGOALS)" >&2; exit 2; }
 	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --progress-bar off --upgrade "pip>=25,<27"
 	$(BIN)/python -m pip install --progress-bar off --no-compile -c constraints.txt -e ".[all,dev]"
 	@touch $@
 

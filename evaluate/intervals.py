@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import bootstrap
 
 LEVEL = 0.95
 """Share of the resampled figures that are in an interval."""
@@ -83,6 +82,9 @@ def _resampled(terms: Sequence[tuple[float, float]]) -> Interval | None:
     """The interval of a ratio of sums over resampled clips."""
     if len(terms) < LEAST_CLIPS:
         return None
+    # Imported here: it takes a second, which reports of fewer clips do not need.
+    from scipy.stats import bootstrap
+
     drawn = bootstrap(
         tuple(np.array(terms).T),
         lambda above, below, axis: above.sum(axis) / below.sum(axis),

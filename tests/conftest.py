@@ -11,7 +11,13 @@ import torch
 
 from uvcloth.bodies.body import Body, load_body
 
-LONG = ("tests/kills/", "tests/test_first_hour.py", "tests/test_api.py", "tests/methods/", "tests/evaluate/")
+LONG = (
+    "tests/test_first_hour.py",
+    "tests/test_toy_method.py",
+    "tests/test_api.py",
+    "tests/methods/",
+    "tests/evaluate/",
+)
 """Files that take longest: they come first, or one process would run the last of them while others wait."""
 
 LATE = "tests/test_types.py"
@@ -23,16 +29,29 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: (item.nodeid.startswith(LATE), not item.nodeid.startswith(LONG)))
 
 
+THOROUGH = ("tests/simulate/test_newton.py", "tests/simulate/newton_patches", "tests/kills")
+"""Tests that import Newton, eight seconds of every process, and tests that kill commands for a minute."""
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave THOROUGH out without --thorough."""
+    if config.getoption("thorough"):
+        return None
+    return str(collection_path).endswith(THOROUGH) or None
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the option for tests that take minutes."""
-    parser.addoption("--all-engines", action="store_true", help="test the cloth engines of others too")
+    parser.addoption(
+        "--thorough", action="store_true", help="test cloth engines of others, and kill commands, too"
+    )
 
 
 @pytest.fixture
 def engines_of_others(request: pytest.FixtureRequest) -> None:
-    """Skip a test of another engine without --all-engines: they serve to compare, and take minutes."""
-    if not request.config.getoption("all_engines"):
-        pytest.skip("an engine of others: --all-engines")
+    """Skip a test of another engine without --thorough: they serve to compare, and take minutes."""
+    if not request.config.getoption("thorough"):
+        pytest.skip("an engine of others: --thorough")
 
 
 @pytest.fixture(autouse=True)

@@ -83,7 +83,6 @@ def test_a_sheet_comes_to_lie_on_a_ball_the_same_way_twice(tmp_path: Path) -> No
     assert float(first[-1, :, 2].min()) < 0.10
 
 
-@pytest.mark.usefixtures("engines_of_others")
 def test_it_goes_on_from_any_frame_as_if_it_had_not_stopped() -> None:
     whole = sheet_over_a_ball(10, height=0.13)
     way = torch.arange(10.0)[:, None, None] ** 2 * torch.tensor([0.003, -0.001, 0.002])
@@ -117,7 +116,6 @@ def test_what_may_not_touch_does_not_and_fast_scenes_take_more_substeps() -> Non
     assert engine.substeps_for(still, 1e6 * fast) == MAX_SUBSTEPS
 
 
-@pytest.mark.usefixtures("engines_of_others")
 def test_layers_keep_apart_and_the_outer_one_farther_off_the_ball() -> None:
     inner, outer = sheet_over_a_ball(20, height=0.135), sheet_over_a_ball(20, height=0.145)
     count = len(inner.rest)
