@@ -82,7 +82,11 @@ class DemoOutfit:
             f"{self.network} with --finish dynamic": replace(
                 cleared, out=(out / f"{network}_dynamic.glb",), finish="dynamic"
             ),
-            "physics": replace(cleared, out=(out / f"{self.name}_physics.glb",), model=("physics",)),
+            "physics": replace(
+                cleared,
+                out=tuple(out / f"{self.name}_physics.{suffix}" for suffix in ("glb", "mp4")),
+                model=("physics",),
+            ),
         }
 
 
@@ -122,15 +126,12 @@ def demonstrate(out: Path, long: bool = False) -> None:
     console.print("1. A dress in a kick: simulated, by a network, by a network over physics, by physics")
     simulate_batch(ClipSelection([kick.source]), [DRESS.garments], out / "sequences", body)
     _compare(DRESS, kick, out, body, console)
-    console.print("2. Filming a T-shirt over trousers")
-    film = Rollout("dance", ("bottoms", "tops"), (out / "dance.mp4",), ("physics",))
-    _print(console, animate(film).lines())
-    console.print("3. Baking a dressed character for the runtime, and playing it in wind")
+    console.print("2. Baking a dressed character for the runtime, and playing it in wind")
     baked = out / "character.glb"
     _print(console, bake(Bake(("bottoms", "tops"), baked, motion=KICK)).lines())
     _print(console, play(Play(baked, out / "character_in_wind.glb", wind=WIND)).lines())
     if WASM.is_file():
-        console.print("4. Writing a page: the kick by several methods, and a figure to drag by hand")
+        console.print("3. Writing a page: the kick by several methods, and a figure to drag by hand")
         simulated = _sequence_files(DRESS, out / "sequences")[0]
         page = write_page(Page(out / "page" / "index.html", simulated=simulated, model=("recurrent",))).page
         _print(console, [f"{page.resolve().as_uri()}: open it in a browser"])
@@ -145,19 +146,19 @@ def _go_on(out: Path, body: Body, console: Console) -> None:
     save_clip(clip, stop, f"The first {FRAMES} frames of the built-in clip {CLIP}, and a sudden stop.")
     motion = DemoMotion(str(stop), clip, standstill(clip.fps), "the body stands still")
     console.print(
-        f"5. A dress, and a T-shirt over trousers, over {stop}, a turn that stops suddenly: the same"
+        f"4. A dress, and a T-shirt over trousers, over {stop}, a turn that stops suddenly: the same"
     )
     simulate_batch(
         ClipSelection([motion.source]), [outfit.garments for outfit in STOPPED], out / "sequences", body
     )
     for outfit in STOPPED:
         _compare(outfit, motion, out, body, console)
-    console.print("6. Rolling out garment files: DeePSD on MakeHuman's top and leggings, physics on a skirt")
+    console.print("5. Rolling out garment files: DeePSD on MakeHuman's top and leggings, physics on a skirt")
     for name, (model, file) in FROM_FILES.items():
         garment = str(files("uvcloth") / "data" / "garments" / file)
         written = tuple(out / f"{name}.{suffix}" for suffix in ("glb", "usdc"))
         _print(console, animate(Rollout(str(stop), (garment,), written, (model,))).lines())
-    console.print("7. Exporting PBNS as a rig")
+    console.print("6. Exporting PBNS as a rig")
     _print(console, export(Export("pbns", out / "outfit_rig.glb", motion=str(stop))).lines())
 
 
@@ -205,18 +206,23 @@ def _sequence_files(outfit: DemoOutfit, folder: Path) -> list[Path]:
 def _sheet(
     rows: Mapping[str, Sequence[tuple[Tensor, ...]]], posed: Tensor, simulated: SimulatedClip, body: Body
 ) -> np.ndarray:
-    """Draw garments, a row for each method, on the posed body (M, V, 3) m of each column, by one camera."""
+    """Draw garments, a row for each method, on the posed body (M, V, 3) m of each column, by one camera.
+
+    Every body stands in the middle of its picture.
+    """
+    middles = 0.5 * (posed.amin(1, keepdim=True) + posed.amax(1, keepdim=True))
+    middles[..., 2] = 0.0
 
     def surfaces() -> Iterator[list[Surface]]:
         for row in rows.values():
-            for skin_vertices, garments in zip(posed, row, strict=True):
+            for skin_vertices, garments, middle in zip(posed, row, middles, strict=True):
                 worn = zip(garments, simulated.garments, GARMENT_COLORS, strict=False)
                 yield [
-                    Surface(skin_vertices, body.mesh.faces, BODY_COLOR),
-                    *(Surface(vertices, garment.faces, color) for vertices, garment, color in worn),
+                    Surface(skin_vertices - middle, body.mesh.faces, BODY_COLOR),
+                    *(Surface(vertices - middle, garment.faces, color) for vertices, garment, color in worn),
                 ]
 
-    camera = three_quarter(posed, aspect=PICTURE_SIZE[0] / PICTURE_SIZE[1])
+    camera = three_quarter(posed - middles, aspect=PICTURE_SIZE[0] / PICTURE_SIZE[1])
     return contact_sheet(list(render_frames(surfaces(), camera, PICTURE_SIZE)), columns=len(posed))
 
 
