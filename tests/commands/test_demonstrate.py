@@ -81,7 +81,7 @@ def test_all_methods_are_drawn_below_the_simulation_at_the_same_moments(
         assert (rows, columns) == (4, 2)
         drawn = [sheet[row * (SIZE[1] + GAP) :][: SIZE[1]] for row in range(rows)]
         for row in drawn[1:]:
-            # The simulation comes from a file, which keeps vertices to 0.05 mm: an edge may touch a pixel more.
+            # The simulation comes from a file, to within 0.05 mm: an edge may touch another pixel.
             assert (np.abs(row.astype(int) - drawn[0].astype(int)) > 1).mean() < 0.002
         network = outfit.network
         assert f"simulation, {network} cleared, {network} with --finish dynamic, physics" in printed
