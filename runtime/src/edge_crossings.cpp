@@ -15,15 +15,8 @@ UVC_INLINE LaneMask apart(const LaneVec &corner, const LaneVec &along) {
 // Whether an edge from a start along a vector runs through a face of a block.
 bool meets_block(const LaneTree &tree, const Vec *points, int block, const LaneVec &start,
                  const LaneVec &along) {
-    int32_t indices[3][LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        Face f = tree.faces.at(tree.order.at(LANES * block + lane));
-        indices[0][lane] = f.a;
-        indices[1][lane] = f.b;
-        indices[2][lane] = f.c;
-    }
-    LaneVec a = gather(points, indices[0]) - start, b = gather(points, indices[1]) - start,
-            c = gather(points, indices[2]) - start;
+    LaneFace faces = faces_of(tree, points, block);
+    LaneVec a = faces.a - start, b = faces.b - start, c = faces.c - start;
     LaneVec normal = cross(b - a, c - a);
     // The ends are on either side of the face's plane, and the corners turn one way around the edge.
     Lanes ends = dot(a, normal) * dot(a - along, normal);

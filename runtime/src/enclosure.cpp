@@ -78,15 +78,8 @@ UVC_INLINE Lanes turn(const LaneVec &a, const LaneVec &b, LaneMask &left) {
 
 // Exits minus entries of a ray among the faces of a block.
 int crossings(const LaneTree &tree, const Vec *points, int block, const Ray &ray) {
-    int32_t indices[3][LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        Face f = tree.faces.at(tree.order.at(LANES * block + lane));
-        indices[0][lane] = f.a;
-        indices[1][lane] = f.b;
-        indices[2][lane] = f.c;
-    }
-    LaneVec a = ray.local(gather(points, indices[0])), b = ray.local(gather(points, indices[1])),
-            c = ray.local(gather(points, indices[2]));
+    LaneFace faces = faces_of(tree, points, block);
+    LaneVec a = ray.local(faces.a), b = ray.local(faces.b), c = ray.local(faces.c);
     LaneMask one, two, three;
     Lanes to_c = turn(a, b, one), to_a = turn(b, c, two), to_b = turn(c, a, three);
     Lanes depth = ray.along * (to_a * a.z + to_b * b.z + to_c * c.z);

@@ -67,15 +67,7 @@ void fit_patch(const LaneTree &tree, int patch, FittedTree &fitted) {
     for (int lane = 0; lane < LANES; lane++)
         for (int side = 0; side < 6; side++) sides[side][lane] = side < 3 ? FAR : -FAR;
     for (int k = children.first; k < children.last; k++) {
-        int32_t indices[3][LANES];
-        for (int lane = 0; lane < LANES; lane++) {
-            Face f = tree.faces.at(tree.order.at(LANES * k + lane));
-            indices[0][lane] = f.a;
-            indices[1][lane] = f.b;
-            indices[2][lane] = f.c;
-        }
-        LaneVec a = gather(fitted.points, indices[0]), b = gather(fitted.points, indices[1]),
-                c = gather(fitted.points, indices[2]);
+        auto [a, b, c] = faces_of(tree, fitted.points, k);
         fitted.blocks.at(k) = {a, b - a, c - a};
         int lane = k - children.first;
         sides[0][lane] = lowest(least(least(a.x, b.x), c.x));

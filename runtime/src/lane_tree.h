@@ -38,6 +38,23 @@ struct LaneTree {
 // Faces have corners among the points at rest, m; there may be none.
 LaneTree make_lane_tree(const Vec *rest, Array<Face> faces, Arena &arena);
 
+// Corners of eight faces, m.
+struct LaneFace {
+    LaneVec a, b, c;
+};
+
+// The faces of a block with their corners at points, m.
+UVC_INLINE LaneFace faces_of(const LaneTree &tree, const Vec *points, int block) {
+    int32_t indices[3][LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        Face f = tree.faces.at(tree.order.at(LANES * block + lane));
+        indices[0][lane] = f.a;
+        indices[1][lane] = f.b;
+        indices[2][lane] = f.c;
+    }
+    return {gather(points, indices[0]), gather(points, indices[1]), gather(points, indices[2])};
+}
+
 // Corners a of the faces of a block, and the ways from there to b and to c.
 struct Block {
     LaneVec a, ab, ac;
