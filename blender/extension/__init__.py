@@ -3,9 +3,16 @@
 
 import bpy
 
-from . import cache, live, opening, panel, properties
+from . import cache, dressing, live, opening, panel, preferences, properties
 
-CLASSES = (opening.OpenBaked, cache.WriteCache, cache.DropCache, panel.ClothPanel)
+CLASSES = (
+    preferences.Preferences,
+    opening.OpenBaked,
+    dressing.Dress,
+    cache.WriteCache,
+    cache.DropCache,
+    panel.ClothPanel,
+)
 
 
 def register() -> None:

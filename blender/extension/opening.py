@@ -15,7 +15,7 @@ from uvcloth_core.baked import BakedFile, BakedGarment
 from uvcloth_core.nodes import chain, local_transform, parents_first, worlds
 
 from . import live, surface
-from .rig import match_bones
+from .rig import Rig, match_bones
 
 COLLECTIONS = (
     "objects",
@@ -86,7 +86,7 @@ def open_character(context: Any, path: Path, set_frames: bool) -> Any:
             surface.put_source(part.data, imported_vertices(baked, garment))
             weld(part.data)
             settings.garments.add().part = part
-        _keep_bones(context, baked, armature)
+        _find_bones(context, baked, armature)
         settings.file = str(path)
         settings.live = True
         if fault := live.FAULTS.get(armature.session_uid):
@@ -188,8 +188,8 @@ def weld(mesh: Any) -> None:
         mesh.attributes.remove(normals)
 
 
-def _keep_bones(context: Any, baked: BakedFile, armature: Any) -> None:
-    """Keep how bones lie against joints: by the pose of the first frame, which is one of the file's."""
+def _find_bones(context: Any, baked: BakedFile, armature: Any) -> None:
+    """Find how bones lie against joints: by the pose of the first frame, which is one of the file's."""
     scene = context.scene
     scene.frame_set(scene.frame_start)
     evaluated = armature.evaluated_get(context.evaluated_depsgraph_get())
@@ -199,8 +199,13 @@ def _keep_bones(context: Any, baked: BakedFile, armature: Any) -> None:
         names,
         np.array(evaluated.matrix_world, np.float64),
         live.poses_of(evaluated, tuple(names)),
-        list(_poses_of_file(baked, seconds)),
+        list(poses_of_file(baked, seconds)),
     )
+    keep_bones(armature, rig)
+
+
+def keep_bones(armature: Any, rig: Rig) -> None:
+    """Keep a rig in an armature's settings."""
     settings = armature.uvcloth
     settings.size = rig.size
     settings.bones.clear()
@@ -209,7 +214,7 @@ def _keep_bones(context: Any, baked: BakedFile, armature: Any) -> None:
         entry.bone, entry.to_node = name, to_node.ravel().tolist()
 
 
-def _poses_of_file(baked: BakedFile, seconds: float) -> Iterator[NDArray[np.float64]]:
+def poses_of_file(baked: BakedFile, seconds: float) -> Iterator[NDArray[np.float64]]:
     """Transforms (J, 4, 4) of the joints to the scene of the file, at rest and in each of its animations."""
     file, joints = baked.file, baked.skin.nodes
     nodes = {node for joint in joints for node in (joint, *chain(joint, file.above))}

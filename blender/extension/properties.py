@@ -32,7 +32,7 @@ class Character(bpy.types.PropertyGroup):
     """Clothes of an armature, baked."""
 
     file: bpy.props.StringProperty(
-        name="Baked file", subtype="FILE_PATH", description="The .glb that uvcloth bake wrote"
+        name="Baked file", description="The .glb that uvcloth bake wrote; // is the folder of the .blend"
     )
     garments: bpy.props.CollectionProperty(type=GarmentEntry)
     bones: bpy.props.CollectionProperty(type=BoneEntry)

@@ -62,10 +62,16 @@ def done(blender_python: str, extension: Path, baked: Path, tmp_path_factory: py
     """What in_blender.py does."""
     folder = tmp_path_factory.mktemp("blender")
     _write_bad_files(baked, folder)
-    command = [blender_python, str(HERE / "in_blender.py"), *map(str, (extension, baked, folder))]
+    return run_in_blender(blender_python, "in_blender.py", extension, baked, folder)
+
+
+def run_in_blender(python: str, script: str, *arguments: Path) -> Done:
+    """Run a script of this folder by a Python with bpy; the last argument is the folder that it writes to."""
+    folder = arguments[-1]
     # Its Python must not find our packages, nor Blender what the user has.
     clean = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     clean["BLENDER_USER_RESOURCES"] = str(folder / "user")
+    command = [python, str(HERE / script), *map(str, arguments)]
     done = subprocess.run(command, check=False, capture_output=True, encoding="utf-8", env=clean, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
     with np.load(folder / "arrays.npz") as file:
