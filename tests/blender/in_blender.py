@@ -91,6 +91,30 @@ moments = live.SESSIONS[armature.session_uid].timeline._moments
 arrays["joints"] = np.stack([moment.joints for moment in moments])
 arrays["scrubbed"] = played([3, 0, 9, 5])
 
+# A render gets what was played, frame after frame and from the middle.
+rendered = []
+bpy.app.handlers.render_post.append(lambda _scene, _graph: rendered.append(surface.places(dress)))
+camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+scene.collection.objects.link(camera)
+scene.camera, scene.render.engine, scene.cycles.samples = camera, "CYCLES", 1
+scene.render.resolution_x = scene.render.resolution_y = 8
+scene.render.filepath = str(FOLDER / "frame")
+end, scene.frame_start, scene.frame_end = scene.frame_end, 4, 6
+bpy.ops.render.render(animation=True)
+scene.frame_start, scene.frame_end = 0, end
+arrays["rendered"] = np.stack(rendered)
+bpy.app.handlers.render_post.clear()
+
+# Undo takes back what was done, and cloth goes on.
+bpy.ops.ed.undo_push(message="before")
+armature.location = (5.0, 0.0, 0.0)
+bpy.ops.ed.undo_push(message="moved")
+scene.frame_set(3)
+bpy.ops.ed.undo()
+scene, armature, dress = bpy.context.scene, bpy.data.objects["Armature"], bpy.data.objects["dress"]
+said["undone"] = list(armature.location)
+arrays["undone"] = played(FRAMES)
+
 # An armature that is moved, turned and scaled.
 armature.location, armature.scale = (3.0, -2.0, 1.0), (2.0, 2.0, 2.0)
 armature.rotation_mode = "XYZ"

@@ -65,6 +65,15 @@ def test_scrubbing_back_gives_the_same_bits(done: Done) -> None:
     assert (done.arrays["scrubbed"] == done.arrays["played"][[3, 0, 9, 5]]).all()
 
 
+def test_a_render_gets_what_was_played(done: Done) -> None:
+    assert apart(done.arrays["rendered"], done.arrays["played"][[4, 5, 6]]).max() < ROUNDED
+
+
+def test_undo_takes_back_and_the_cloth_goes_on(done: Done) -> None:
+    assert done.said["undone"] == [0.0, 0.0, 0.0]
+    assert (done.arrays["undone"] == done.arrays["played"]).all()
+
+
 def test_cloth_follows_an_armature_that_is_moved_turned_and_scaled(done: Done) -> None:
     place = done.arrays["place"]
     expected = done.arrays["played"] @ place[:3, :3].T + place[:3, 3]
