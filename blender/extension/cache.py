@@ -21,7 +21,7 @@ class WriteCache(bpy.types.Operator):
 
     bl_idname = "uvcloth.cache"
     bl_label = "Cache"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+    bl_options = {"UNDO"}  # noqa: RUF012
 
     _timer: Any = None
     _frames: Generator[float, None, None] | None = None
@@ -80,7 +80,7 @@ class DropCache(bpy.types.Operator):
 
     bl_idname = "uvcloth.drop_cache"
     bl_label = "Take Cache Off"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+    bl_options = {"UNDO"}  # noqa: RUF012
 
     @classmethod
     def poll(cls, context: Any) -> bool:

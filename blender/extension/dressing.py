@@ -42,7 +42,7 @@ class Dress(bpy.types.Operator):
 
     bl_idname = "uvcloth.dress"
     bl_label = "Dress"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+    bl_options = {"UNDO"}  # noqa: RUF012
 
     quality: bpy.props.EnumProperty(
         name="Quality",

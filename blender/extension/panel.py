@@ -21,7 +21,7 @@ class ClothPanel(bpy.types.Panel):
         """Draw buttons, then what the active character has."""
         layout = self.layout
         layout.operator("uvcloth.open_baked", icon="IMPORT")
-        layout.operator("uvcloth.dress", icon="MATCLOTH")
+        layout.operator_menu_enum("uvcloth.dress", "quality", icon="MATCLOTH")
         armature = character_of(context)
         if armature is None:
             layout.label(text="No character with clothes is active")
