@@ -146,7 +146,7 @@ def begin(context: Any, quality: str) -> Bake:
 
 
 def finish(context: Any, bake: Bake) -> None:
-    """Make the garments live, from what the child wrote. Raises ValueError; then nothing is changed."""
+    """Make the garments live, from what the child wrote. Raises ValueError; they are not live then."""
     with bake.folder as place:
         bake.child.require_success()
         written = Path(place) / "baked.glb"

@@ -49,7 +49,8 @@ def _draw_character(layout: Any, armature: Any) -> None:
         layout.label(text=name, icon="MATCLOTH")
     session = live.SESSIONS.get(armature.session_uid)
     if session is not None:
-        layout.label(text=f"{session.outfit.cages:,} vertices of cage, {len(session.timeline)} frames played")
+        layout.label(text=f"Cage of {session.outfit.cages:,} vertices")
+        layout.label(text=f"{len(session.timeline):,} frames played")
 
 
 def _draw_sentence(layout: Any, sentence: str, width: int) -> None:
