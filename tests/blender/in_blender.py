@@ -1,0 +1,166 @@
+"""Run by a Python that has bpy: python in_blender.py EXTENSION.zip BAKED.glb FOLDER
+
+Does in Blender what an artist would, and writes what came of it to FOLDER/arrays.npz and FOLDER/said.json.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+FRAMES = range(10)
+EXTENSION, BAKED, FOLDER = (Path(each) for each in sys.argv[1:])
+MODULE = "bl_ext.user_default.uvcloth"
+arrays: dict[str, np.ndarray] = {}
+said: dict[str, object] = {}
+
+
+def evaluated(part) -> np.ndarray:
+    """Vertices (V, 3) of an object in the world, as they are drawn."""
+    drawn = part.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = drawn.to_mesh()
+    points = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", points)
+    drawn.to_mesh_clear()
+    world = np.array(drawn.matrix_world)
+    return points.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3]
+
+
+def played(frames) -> np.ndarray:
+    """Vertices (F, V, 3) of the dress at frames."""
+    vertices = []
+    for frame in frames:
+        bpy.context.scene.frame_set(frame)
+        vertices.append(evaluated(bpy.data.objects["dress"]))
+    return np.stack(vertices)
+
+
+def sentence(path: Path) -> str:
+    """What opening a file says."""
+    try:
+        bpy.ops.uvcloth.open_baked(filepath=str(path))
+    except RuntimeError as error:
+        return str(error).strip()
+    return ""
+
+
+def counts() -> list[int]:
+    """Numbers of data of some kinds."""
+    return [
+        len(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "armatures", "actions", "materials")
+    ]
+
+
+def fault() -> str:
+    """What the panel shows of the armature."""
+    from bl_ext.user_default.uvcloth import live
+
+    return live.FAULTS.get(bpy.data.objects["Armature"].session_uid, "")
+
+
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.extensions.package_install_files(filepath=str(EXTENSION), repo="user_default", enable_on_install=True)
+said["registered"] = hasattr(bpy.types.Object, "uvcloth")
+bpy.ops.preferences.addon_disable(module=MODULE)
+said["unregistered"] = not hasattr(bpy.types.Object, "uvcloth") and not hasattr(
+    bpy.types, "VIEW3D_PT_uvcloth"
+)
+bpy.ops.preferences.addon_enable(module=MODULE)
+
+from bl_ext.user_default.uvcloth import live, surface  # noqa: E402
+
+before = counts()
+said["refused"] = {
+    path.stem: sentence(path) for path in [*sorted(FOLDER.glob("bad_*.glb")), FOLDER / "missing.glb"]
+}
+said["left"] = [before, counts()]
+
+bpy.ops.uvcloth.open_baked(filepath=str(BAKED))
+scene, armature, dress = bpy.context.scene, bpy.data.objects["Armature"], bpy.data.objects["dress"]
+said["frames"] = [scene.render.fps, scene.frame_start, scene.frame_end]
+said["modifiers"] = [modifier.type for modifier in dress.modifiers]
+said["uv"] = len(dress.data.uv_layers)
+rest = np.empty(3 * len(dress.data.vertices), np.float32)
+dress.data.vertices.foreach_get("co", rest)
+
+arrays["source"] = surface.source_of(dress)
+arrays["played"] = played(FRAMES)
+moments = live.SESSIONS[armature.session_uid].timeline._moments
+arrays["joints"] = np.stack([moment.joints for moment in moments])
+arrays["scrubbed"] = played([3, 0, 9, 5])
+
+# A render gets what was played, frame after frame and from the middle.
+rendered = []
+bpy.app.handlers.render_post.append(lambda _scene, _graph: rendered.append(surface.places(dress)))
+camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+scene.collection.objects.link(camera)
+scene.camera, scene.render.engine, scene.cycles.samples = camera, "CYCLES", 1
+scene.render.resolution_x = scene.render.resolution_y = 8
+scene.render.filepath = str(FOLDER / "frame")
+end, scene.frame_start, scene.frame_end = scene.frame_end, 4, 6
+bpy.ops.render.render(animation=True)
+scene.frame_start, scene.frame_end = 0, end
+arrays["rendered"] = np.stack(rendered)
+bpy.app.handlers.render_post.clear()
+
+# Undo takes back what was done, and cloth goes on.
+bpy.ops.ed.undo_push(message="before")
+armature.location = (5.0, 0.0, 0.0)
+bpy.ops.ed.undo_push(message="moved")
+scene.frame_set(3)
+bpy.ops.ed.undo()
+scene, armature, dress = bpy.context.scene, bpy.data.objects["Armature"], bpy.data.objects["dress"]
+said["undone"] = list(armature.location)
+arrays["undone"] = played(FRAMES)
+
+# An armature that is moved, turned and scaled.
+armature.location, armature.scale = (3.0, -2.0, 1.0), (2.0, 2.0, 2.0)
+armature.rotation_mode = "XYZ"
+armature.rotation_euler = (0.0, 0.0, 0.7)
+arrays["moved"] = played(FRAMES)
+arrays["place"] = np.array(armature.matrix_world)
+
+# A scale that no cloth is solved at leaves the cloth where it was.
+here = surface.places(dress)
+armature.scale = (-2.0, 2.0, 2.0)
+scene.frame_set(9)
+said["negative"] = fault()
+armature.scale = (2.0, 3.0, 2.0)
+scene.frame_set(9)
+said["uneven"] = fault()
+said["stayed"] = bool((surface.places(dress) == here).all())
+armature.location, armature.scale, armature.rotation_euler = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+
+# Saved, and opened again, it plays the same.
+said["unsaved"] = ""
+try:
+    bpy.ops.uvcloth.cache()
+except RuntimeError as error:
+    said["unsaved"] = str(error).strip()
+bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "scene.blend"))
+bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "scene.blend"))
+arrays["reloaded"] = played(FRAMES)
+
+# A cache plays it without the runtime.
+scene, armature, dress = bpy.context.scene, bpy.data.objects["Armature"], bpy.data.objects["dress"]
+scene.frame_end = FRAMES[-1]
+bpy.context.view_layer.objects.active = dress
+bpy.ops.uvcloth.cache()
+said["live"] = armature.uvcloth.live
+said["cached_modifiers"] = [modifier.type for modifier in dress.modifiers]
+arrays["cached"] = played([*FRAMES])
+after = np.empty(3 * len(dress.data.vertices), np.float32)
+dress.data.vertices.foreach_get("co", after)
+said["mesh_kept"] = bool((after == rest).all()) and surface.PLACES not in dress.data.attributes
+bpy.ops.uvcloth.drop_cache()
+said["dropped_modifiers"] = [modifier.type for modifier in dress.modifiers]
+
+# The file of the bake is gone.
+armature.uvcloth.file = str(FOLDER / "missing.glb")
+armature.uvcloth.live = True
+said["gone"] = [fault(), armature.uvcloth.live]
+
+np.savez(FOLDER / "arrays.npz", **arrays)
+(FOLDER / "said.json").write_text(json.dumps(said), encoding="utf-8")
