@@ -2,10 +2,8 @@
 
 import json
 import os
-import struct
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.glb_json import edited
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
 from uvcloth.player.baked import EXTENSION
@@ -98,16 +97,4 @@ def _write_bad_files(baked: Path, folder: Path) -> None:
     content = baked.read_bytes()
     (folder / "bad_cut.glb").write_bytes(content[:20_000])
     for change in (without_cloth, newer, nameless, misplaced):
-        (folder / f"bad_{change.__name__}.glb").write_bytes(changed(content, change))
-
-
-def changed(content: bytes, change: Callable[[dict[str, Any]], None]) -> bytes:
-    """A .glb whose JSON was changed."""
-    (length,) = struct.unpack_from("<I", content, 12)
-    document = json.loads(content[20 : 20 + length])
-    change(document)
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    rest = content[20 + length :]
-    header = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
-    return header + struct.pack("<II", len(text), 0x4E4F534A) + text + rest
+        (folder / f"bad_{change.__name__}.glb").write_bytes(edited(content, change))

@@ -1,11 +1,9 @@
 """`uvcloth page`: what is written, and how clothes move in a browser."""
 
 import functools
-import json
 import re
-import struct
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -16,6 +14,7 @@ import pytest
 import torch
 
 from tests.commands.chromium import PROGRAM, Chromium
+from tests.glb_json import edited
 from tests.motion.bvh_text import bvh_text, performer, still
 from uvcloth.bodies.body import load_body
 from uvcloth.commands import page_file
@@ -842,17 +841,6 @@ def test_a_machine_that_is_too_slow_takes_the_fast_quality(
     assert "it goes on in fast quality" in browser.value(SAID)
     assert browser.value("document.getElementById('quality').selectedOptions[0].text") == "fast"
     assert browser.errors == []
-
-
-def edited(content: bytes, change: Callable[[dict[str, Any]], None]) -> bytes:
-    """A .glb with changed JSON."""
-    (length,) = struct.unpack_from("<I", content, 12)
-    document = json.loads(content[20 : 20 + length])
-    change(document)
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    rest = content[20 + length :]
-    return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest
 
 
 def make_newer(document: dict[str, Any]) -> None:

@@ -53,7 +53,7 @@ def loop_subdivision(points: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
     """
     count = len(points)
     ends = torch.stack([faces, faces.roll(-1, 1)], dim=2).reshape(-1, 2).sort(dim=1).values
-    # By their higher vertex first, as trimesh has them: models that ship know the vertices of templates by it.
+    # By their higher vertex first, as trimesh has them: models that ship know templates in this order.
     keys, edge_of = torch.unique(ends[:, 1] * count + ends[:, 0], return_inverse=True)
     edges = torch.stack([keys % count, keys // count], dim=1)
     inner = torch.bincount(edge_of) == 2
