@@ -57,8 +57,8 @@ MODULES = {
         *("evaluate.selection", "evaluate.garment_space"),
     ),
     "train": (
-        *("lightning.fabric", "tensorboard.summary.writer.event_file_writer", "torch.utils.tensorboard"),
-        "lightning.fabric.loggers.tensorboard",
+        *("lightning_fabric", "tensorboard.summary.writer.event_file_writer", "torch.utils.tensorboard"),
+        "lightning_fabric.loggers.tensorboard",
     ),
 }
 """Modules that commands import, by the beginning of their names."""

@@ -97,7 +97,7 @@ ROOMS = {
 
 LIBRARIES = (
     *("torch", "numpy", "scipy.spatial", "scipy.sparse.linalg", "trimesh", "kornia", "pygltflib"),
-    *("hypothesis", "pxr.Usd", "pxr.UsdSkel", "alembic3d", "lightning.fabric", "torch.utils.tensorboard"),
+    *("hypothesis", "pxr.Usd", "pxr.UsdSkel", "alembic3d", "lightning_fabric", "torch.utils.tensorboard"),
 )
 """Loaded before the forks."""
 

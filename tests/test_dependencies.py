@@ -15,6 +15,7 @@ PACKAGES = ("rasterize", "uvcloth", "train", "evaluate")
 
 MODULES = {
     "warp-lang": "warp",
+    "lightning-fabric": "lightning_fabric",
     "usd-core": "pxr",
     "pillow": "PIL",
     "scikit-learn": "sklearn",

@@ -52,7 +52,7 @@ def run(words: Sequence[str]) -> None:
         print(f"usage: uvcloth train {{{','.join(TRAINERS)}}} --out RUN [--help]")
         return
     training = parse(method, arguments)
-    if find_spec("lightning") is None:
+    if find_spec("lightning_fabric") is None:
         raise InputError("training needs Lightning: install uvcloth[train]")
     # Of several processes that Lightning starts for one run, the first claims its folder.
     ranks = ("LOCAL_RANK", "NODE_RANK", "GROUP_RANK")

@@ -191,8 +191,8 @@ def check_run(run: Path, *, resume: bool) -> None:
 
 def _begin(objective: Objective, run: Path, config: LoopConfig) -> Training:
     """Make networks, optimizers and logger, the weights seeded."""
-    from lightning.fabric import Fabric
-    from lightning.fabric.loggers.tensorboard import TensorBoardLogger
+    from lightning_fabric import Fabric
+    from lightning_fabric.loggers.tensorboard import TensorBoardLogger
 
     make_folder((run / STATE).parent)
     gpu = torch.cuda.is_available()

@@ -1,10 +1,12 @@
-"""Blender's cloth at the settings of a game over the windows of a data folder, for `--predicted blender=OUT`.
+"""Blender's cloth over the windows of a data folder, for `--predicted blender=OUT`.
 
     UVCLOTH_BLENDER_PYTHON=PYTHON PYTHONPATH=. python benchmarks/rivals/blender.py DATA OUT
+    ... blender.py DATA OUT --quality mesh --steps 16 --collision-steps 3 --self-collision
 
-It gets the motion and the garment, not the simulation: on the cage that physics has, with few steps a frame
-and without contact of cloth with itself; the garment follows the cage. The fabric is that of `uvcloth
-simulate`. The milliseconds are processor time of Blender without its start, which is timed for one frame.
+It gets the motion and the garment, not the simulation. The first command has the settings of a game: the cage
+that physics has, few steps a frame, no contact of cloth with itself; the garment follows the cage. The second
+has Blender at its best, on all vertices. The fabric is that of `uvcloth simulate`. The milliseconds are
+processor time of Blender without its start, which is timed for one frame.
 """
 
 import resource
@@ -44,10 +46,14 @@ class BlenderCloth:
     """Garments to simulate."""
     split: Literal["train", "validation", "test"] = "validation"
     """Clips to simulate, by the index of the data folder."""
-    quality: Literal["fast", "default", "fine"] = "default"
-    """Cage."""
+    quality: Literal["fast", "default", "fine", "mesh"] = "default"
+    """Cage, or the garment's own mesh."""
     steps: int = 4
     """Steps a frame, a power of two; Blender's own default is 5."""
+    collision_steps: int = 1
+    """Passes over contacts in a step; Blender's own default is 2."""
+    self_collision: bool = False
+    """Contact of cloth with itself, which Blender leaves out by default."""
     hold: float | None = None
     """Frequency of the attachment of the band, 1/s; without one it moves as the skinned garment."""
 
@@ -56,21 +62,30 @@ class BlenderCloth:
         torch.set_grad_enabled(False)
         body = load_body()
         blender = replace(
-            find_blender(), quality=self.steps, collision_quality=1, self_collision=False, hold=self.hold
+            find_blender(),
+            quality=self.steps,
+            collision_quality=self.collision_steps,
+            self_collision=self.self_collision,
+            hold=self.hold,
         )
         make_folder(self.out)
         for name in self.garments:
             cloth = join(load_garment(name, body), body)
             mesh = cloth.garment.mesh
-            cage = make_cage(mesh.vertices[cloth.kept], cloth.faces, QUALITIES[self.quality])
+            cage = (
+                make_cage(mesh.vertices[cloth.kept], cloth.faces, QUALITIES[self.quality])
+                if self.quality in QUALITIES
+                else None
+            )
             for path in sequences(self.data, name, self.split):
                 clip = load_simulated(path)
                 skinned = skin(mesh.vertices, cloth.garment.smooth_weights, clip.transforms)
                 scene = make_scene((cloth,), [skinned], clip.transforms, body, clip.fps)
-                on_cage = scene_on(scene, cage)
-                _, start = simulated(blender, first_frames(on_cage, 1))
-                moved, seconds = simulated(blender, on_cage)
-                vertices = scene.skinned + cage.at_garment(moved - on_cage.skinned)
+                solved = scene_on(scene, cage) if cage else scene
+                _, start = simulated(blender, first_frames(solved, 1))
+                moved, seconds = simulated(blender, solved)
+                offsets = moved - solved.skinned
+                vertices = scene.skinned + (cage.at_garment(offsets) if cage else offsets)
                 ms = 1000.0 * (seconds - start) / (len(moved) - 1)
                 np.savez_compressed(
                     self.out / path.name,
@@ -78,7 +93,7 @@ class BlenderCloth:
                     fps=clip.fps,
                     ms_per_frame=ms,
                 )
-                print(f"{path.stem}: {len(cage.vertices)} vertices, {ms:.1f} ms a frame", flush=True)
+                print(f"{path.stem}: {moved.shape[1]} vertices, {ms:.1f} ms a frame", flush=True)
 
 
 def simulated(blender: Blender, scene: Scene) -> tuple[torch.Tensor, float]:

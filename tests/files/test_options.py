@@ -192,7 +192,7 @@ def test_without_an_extra_a_command_names_it_before_it_begins(
 
 
 def test_training_without_lightning_names_its_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setitem(sys.modules, "lightning", None)
+    monkeypatch.setitem(sys.modules, "lightning_fabric", None)
     words = ["train", "pbns", "--garment", "tops", "--out", str(tmp_path / "x")]
     monkeypatch.setattr(sys, "argv", words)
     with pytest.raises(InputError, match=r"training needs Lightning: install uvcloth\[train\]"):

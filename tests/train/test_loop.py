@@ -13,7 +13,7 @@ from train.loop import LoopConfig, Objective, fit, set_rates
 from train.state import STATE
 from uvcloth.checkpoint import load_tensors
 
-pytest.importorskip("lightning")
+pytest.importorskip("lightning_fabric")
 
 STEPS = 6
 

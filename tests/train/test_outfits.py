@@ -24,7 +24,7 @@ from uvcloth.methods.registry import load_method, load_methods
 from uvcloth.physics.surface import BodySurface
 from uvcloth.rollout import rollout
 
-pytest.importorskip("lightning")
+pytest.importorskip("lightning_fabric")
 
 LOOP = replace(LOOPS["tiny"], steps=2, validate_every=2)
 INNER = replace(PRESETS["tiny"], garment="bottoms")

@@ -17,7 +17,7 @@ from uvcloth.checkpoint import load_tensors
 from uvcloth.errors import InputError
 from uvcloth.methods.physxnet.config import PRESETS
 
-pytest.importorskip("lightning")
+pytest.importorskip("lightning_fabric")
 
 LOOP = replace(LOOPS["tiny"], steps=4, batch=4, validate_every=2, average=0.9)
 NETWORK = replace(PRESETS["tiny"], templates=("tops", "bottoms"), dropout=0.2)

@@ -14,7 +14,7 @@ from train.state import STATE
 from uvcloth.checkpoint import load_tensors
 from uvcloth.errors import InputError
 
-pytest.importorskip("lightning")
+pytest.importorskip("lightning_fabric")
 
 LOOP = LoopConfig(steps=1, batch=2, validate_every=1, average=0.0, seed=3)
 

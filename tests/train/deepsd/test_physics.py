@@ -34,7 +34,7 @@ from uvcloth.methods.deepsd.network import DeePSDNetwork
 from uvcloth.methods.deepsd.outfit_graph import pack
 from uvcloth.physics.obstacle import Obstacle
 
-pytest.importorskip("lightning")
+pytest.importorskip("lightning_fabric")
 
 TINY = PRESETS["tiny"]
 LOOP = replace(LOOPS["tiny"], steps=4, batch=2, validate_every=4, weight_decay=0.5, schedule="constant")

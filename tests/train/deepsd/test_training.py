@@ -34,7 +34,7 @@ from uvcloth.methods.deepsd.outfit_graph import outfit_graph, pack
 from uvcloth.methods.registry import load_method
 from uvcloth.physics.fabric import FABRICS
 
-pytest.importorskip("lightning")
+pytest.importorskip("lightning_fabric")
 
 TINY = PRESETS["tiny"]
 LOOP = replace(LOOPS["tiny"], steps=4, batch=2, validate_every=4, schedule="constant")

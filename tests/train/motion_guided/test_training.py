@@ -35,7 +35,7 @@ from uvcloth.methods.motion_guided.dynamics_input import (
 from uvcloth.methods.motion_guided.latent import Space
 from uvcloth.methods.registry import load_method
 
-pytest.importorskip("lightning")
+pytest.importorskip("lightning_fabric")
 
 LOOP = replace(LOOPS["tiny"], steps=4, validate_every=2, schedule="constant")
 HALF = replace(LOOP, steps=2)

@@ -40,7 +40,7 @@ from uvcloth.physics.layers import Layer
 from uvcloth.physics.surface import FREE
 from uvcloth.rollout import rollout
 
-pytest.importorskip("lightning")
+pytest.importorskip("lightning_fabric")
 
 TINY = PBNSConfig(width=16, layers=2)
 LOOP = replace(LOOPS["tiny"], steps=4, batch=4, validate_every=4, schedule="constant")

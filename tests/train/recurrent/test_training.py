@@ -32,7 +32,7 @@ from uvcloth.motion.index import INDEX
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.fabric import JERSEY
 
-pytest.importorskip("lightning")
+pytest.importorskip("lightning_fabric")
 
 CLIPS = SHIPPED.parent / "clips"
 WINDOWS = """trial,subject,split,action,window_start,window_frames,file
