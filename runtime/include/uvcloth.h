@@ -150,22 +150,24 @@ UVC_API void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides
  * acceleration: (N) m/s2 from outside, or NULL. gravity: m/s2. drift: m/s, of the frame of reference through
  * the air. seconds: of the frame. radius: kept between cloth and body; self_radius: between cloth and cloth;
  * self_margin: more within which cloth is watched. reach: how near the body, and how deep in it, cloth is
- * looked for. substeps: at least 1. interval, body_interval, hinge_interval: substeps between two searches of
- * cloth near cloth, of the body's faces, and two evaluations of the hinges. frame: number of earlier frames.
- * renewal: frames from one search of all faces of the body for a vertex to the next. self_contact: 0 leaves
- * it out. */
+ * looked for. needed: substeps a second, at least. interval: s between two searches for the body and for cloth
+ * near cloth; less for a body that moves fast. hinge_interval: substeps between two evaluations of the hinges.
+ * frame: number of earlier frames. renewal: frames from one search of all faces of the body for a vertex to
+ * the next. self_contact: 0 leaves it out. */
 typedef struct uvc_motion {
     const float *body_start, *body_end, *target_start, *target_end, *pull, *damping, *acceleration;
     float drift[3], gravity[3];
-    float seconds, radius, self_radius, self_margin, reach;
-    int32_t substeps, interval, body_interval, hinge_interval, frame, renewal, self_contact;
+    float seconds, radius, self_radius, self_margin, reach, needed, interval;
+    int32_t hinge_interval, frame, renewal, self_contact;
 } uvc_motion;
 
 /* Moves positions and velocities (N), m/s, through a frame. faces (K, N), clear (K, N): search results for
- * each of K parts of the body, -1 and 0 before the first frame. Returns 0 for cloth that has flown apart: a
- * vertex is not finite, or faster than 200 m/s; its results are of no use then, and more substeps may help. */
-UVC_API int uvc_solve(const uvc_solver *solver, const uvc_motion *motion, float *positions,
-                      float *velocities, int32_t *faces, float *clear, uvc_pairs *pairs);
+ * each of K parts of the body, -1 and 0 before the first frame. A frame in which cloth flies apart, a vertex
+ * not finite or faster than 200 m/s, is repeated with twice the substeps, and once more. Returns the substeps
+ * of the frame, or 0 for cloth that flies apart, or -1 for a body that is faster than 40 m/s past the cloth and
+ * a frame that is too long; then with a sentence, as uvc_read, and everything as it was. */
+UVC_API int uvc_solve(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
+                      int32_t *faces, float *clear, uvc_pairs *pairs, char *message, size_t room);
 
 /* Faces and hinges of cloth alone, of so many vertices: for the longest stable step. */
 typedef struct uvc_elastic uvc_elastic;

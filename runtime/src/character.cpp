@@ -14,19 +14,12 @@ constexpr double GRAVITY = 9.81;
 // energy.
 constexpr float HOLD_DAMPING = 0.7f, PULL_DAMPING = 0.3f;
 
-// Greatest speed of a body, m/s, relative to the mean of the cloth, and greatest change of that mean's speed in
-// a frame, that can be followed.
-constexpr float FASTEST_BODY = 40.0f;
+// Greatest change of the cloth's mean speed in a frame, m/s, that can be followed.
+constexpr float FASTEST_CHANGE = 40.0f;
 
 // Change of a root's speed in a frame, m/s, and speed of its turn, radians/s, above which it jumps. In mocap
 // they are below 7.5 and 37.
 constexpr double JUMP_SPEED = 10, JUMP_TURN = 45;
-
-// Times that a frame is repeated, each with twice the substeps.
-constexpr int RETRIES = 2;
-
-// Substeps of a frame at most.
-constexpr double MOST_SUBSTEPS = 1e6;
 
 // Frames in which a body goes from its rest pose to its first pose, and in which cloth then comes to rest.
 constexpr int POSING_FRAMES = 20, SETTLING_FRAMES = 45;
@@ -103,21 +96,6 @@ Array<Vec> around(Array<Vec> points, Vec64 origin, Arena &arena) {
     return near;
 }
 
-float fastest(Array<Vec> ways) {
-    float squared = 0;
-    for (Vec way : ways) squared = most(squared, dot(way, way));
-    return root(squared);
-}
-
-float fastest(Array<Vec> start, Array<Vec> end) {
-    float squared = 0;
-    for (int k = 0; k < start.size; k++) squared = most(squared, dot(end[k] - start[k], end[k] - start[k]));
-    return root(squared);
-}
-
-// An interval in whole substeps.
-int whole(float substeps) { return (int)most(1.0f, least((float)MOST_SUBSTEPS, substeps)); }
-
 // Where the cloth may be at the end of a frame, until it is known that it stays together.
 struct Next {
     Vec64 origin, drift;
@@ -162,25 +140,6 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
         if (character.steps == 1) speed = (1.0 / seconds) * wide(next.targets[k] - character.targets[k]);
         speeds[k] = narrow(speed);
     }
-    float past = fastest(character.body, next.body) / seconds;
-    if (!(past <= FASTEST_BODY)) {
-        failure.say("the body moves at %d m/s past the cloth in a frame, the limit is %d m/s",
-                    (int)least(1e9f, past), (int)FASTEST_BODY);
-        return false;
-    }
-    Vec64 change = next.drift - character.drift;
-    float jump = (float)__builtin_sqrt(dot(change, change));
-    if (!(jump <= FASTEST_BODY)) {
-        failure.say("the cloth jumps, by %d m/s in a frame, the limit is %d m/s: start it again",
-                    (int)least(1e9f, jump), (int)FASTEST_BODY);
-        return false;
-    }
-    double needed = (double)seconds * character.needed;
-    if (!(needed < MOST_SUBSTEPS)) {
-        failure.say("a frame of %d s needs too many substeps", (int)least(1e9f, seconds));
-        return false;
-    }
-    float body_interval = least(settings.interval, settings.reach / most(past + fastest(speeds), 1e-6f));
     Array<float> rates = arena.take<float>(count), damping = arena.take<float>(count);
     for (int k = 0; k < count; k++) {
         bool is_held = outfit.hold[k] > 0;
@@ -203,29 +162,26 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
     motion.self_radius = settings.self_radius;
     motion.self_margin = settings.self_margin;
     motion.reach = settings.reach;
+    motion.needed = character.needed;
+    motion.interval = settings.interval;
     motion.hinge_interval = settings.hinge_interval;
     motion.frame = character.solved;
     motion.renewal = settings.renewal;
     motion.self_contact = 1;
-    int substeps = most((int)__builtin_ceil(needed), 1);
-    Array<PointPair> points = arena.copy(character.contact.points.items);
-    Array<EdgePair> edges = arena.copy(character.contact.edges.items);
-    for (int attempt = 0; attempt <= RETRIES; attempt++, substeps *= 2) {
-        motion.substeps = substeps;
-        motion.interval = whole((float)substeps * settings.interval / seconds + 0.5f);
-        motion.body_interval = whole((float)substeps * body_interval / seconds);
-        next.positions = arena.copy(character.positions);
-        next.velocities = arena.copy(speeds);
-        next.searched = {arena.copy(character.searched.faces, rows).data,
-                         arena.copy(character.searched.clear, rows).data};
-        if (step(outfit.solver, character.material, motion, next.positions.data, next.velocities.data,
-                 next.searched, character.contact, arena))
-            return true;
-        character.contact.points.assign(points);
-        character.contact.edges.assign(edges);
+    if (!can_follow(outfit.solver, motion, failure)) return false;
+    Vec64 change = next.drift - character.drift;
+    float jump = (float)__builtin_sqrt(dot(change, change));
+    if (!(jump <= FASTEST_CHANGE)) {
+        failure.say("the cloth jumps, by %d m/s in a frame, the limit is %d m/s: start it again",
+                    (int)least(1e9f, jump), (int)FASTEST_CHANGE);
+        return false;
     }
-    failure.say("the cloth flies apart");
-    return false;
+    next.positions = arena.copy(character.positions);
+    next.velocities = speeds;
+    next.searched = {arena.copy(character.searched.faces, rows).data,
+                     arena.copy(character.searched.clear, rows).data};
+    return step(outfit.solver, character.material, motion, next.positions.data, next.velocities.data,
+                next.searched, character.contact, arena, failure) > 0;
 }
 
 void copy(Array<Vec> to, Array<Vec> from) { memcpy(to.data, from.data, sizeof(Vec) * (size_t)to.size); }

@@ -13,6 +13,20 @@ constexpr float FASTEST = 200.0f;
 // Metres from the body up to which a vertex is followed: farther off, a face elsewhere may be closer.
 constexpr float CLOSE = 0.01f;
 
+// Greatest speed of a body, m/s, past the frame of reference, that can be followed.
+constexpr float FASTEST_BODY = 40.0f;
+
+// Times that a frame is repeated, each with twice the substeps.
+constexpr int RETRIES = 2;
+
+// Substeps of a frame at most.
+constexpr double MOST_SUBSTEPS = 1e6;
+
+// Substeps of a frame, and those from one search for cloth, and one for the body's faces, to the next.
+struct Pace {
+    int substeps, interval, body_interval;
+};
+
 const Vec *vectors(const float *numbers) { return reinterpret_cast<const Vec *>(numbers); }
 
 // Sets forces to the weight plus mass times an acceleration from outside, and copies rows.
@@ -66,6 +80,103 @@ bool stays_together(const Vec *positions, const Vec *velocities, int vertices) {
     return true;
 }
 
+float fastest(const Vec *ways, int count) {
+    float squared = 0;
+    for (int k = 0; k < count; k++) squared = most(squared, dot(ways[k], ways[k]));
+    return root(squared);
+}
+
+// Greatest speed of the body, m/s, past the frame of reference; not a number where a vertex is none.
+float body_speed(const Solver &solver, const uvc_motion &motion) {
+    const Vec *start = vectors(motion.body_start), *end = vectors(motion.body_end);
+    float squared = 0;
+    for (int k = 0; k < solver.collider.surface.vertices; k++) {
+        Vec way = end[k] - start[k];
+        float length = dot(way, way);
+        if (!(length >= 0)) return length;
+        squared = most(squared, length);
+    }
+    return root(squared) / motion.seconds;
+}
+
+double needed_substeps(const uvc_motion &motion) { return (double)motion.seconds * motion.needed; }
+
+template <class T>
+void put_back(T *to, Array<T> from) {
+    memcpy(to, from.data, sizeof(T) * (size_t)from.size);
+}
+
+// An interval in whole substeps.
+int whole(float substeps) { return (int)most(1.0f, least((float)MOST_SUBSTEPS, substeps)); }
+
+// Moves cloth through a frame at a pace. Returns whether it stays together.
+bool move(const Solver &solver, const Material &material, const uvc_motion &motion, Pace pace, Vec *positions,
+          Vec *velocities, Searched searched, SelfContact &contact, Arena &work) {
+    Scope scope(work);
+    const Collider &collider = solver.collider;
+    const Elastic &elastic = material.elastic;
+    const Particles &particles = material.particles;
+    int vertices = particles.mass.size;
+    Array<Row> rows = work.take<Row>(vertices);
+    Array<Force> forces = work.take<Force>(vertices);
+    Array<Vec64> rounded = work.take<Vec64>(vertices);
+    contact.boxes = work.take<Box>(solver.sheet.tree.nodes.size);
+    contact.speeds = work.take<Box>(solver.sheet.tree.nodes.size);
+    contact.cones = work.take<Cone>(solver.sheet.tree.nodes.size);
+    Passage passage =
+        begin_passage(collider, vectors(motion.body_start), vectors(motion.body_end), positions, searched,
+                      motion.frame, motion.renewal, work);
+    Array<int32_t> caught = work.take<int32_t>(vertices);
+    bool any_caught =
+        find_caught(collider, vectors(motion.body_start), positions, passage.parts, caught.data);
+    Array<float> watched = work.take<float>(vertices);
+    for (int k = 0; k < vertices; k++)
+        watched[k] = motion.radius + WATCHED + particles.thickness[k];
+    Watch watch{velocities, watched.data, (float)pace.body_interval / (float)pace.substeps,
+                motion.seconds, motion.reach, CLOSE};
+    Array<Near> found = work.take<Near>(collider.parts * vertices);
+    Array<Contact> near = work.take<Contact>(collider.parts * vertices), contacts{near.data, 0};
+    Normals normals{work.take<Vec>(collider.surface.vertices), work.take<int32_t>(collider.surface.vertices)};
+    Array<int32_t> pulled = work.take<int32_t>(vertices);
+    pulled.size = 0;
+    for (int k = 0; k < vertices; k++)
+        if (motion.pull[k] != 0) pulled[pulled.size++] = k;
+    Vec wind{motion.drift[0], motion.drift[1], motion.drift[2]};
+    float step = motion.seconds / (float)pace.substeps;
+    for (int substep = 0; substep < pace.substeps; substep++) {
+        float share = (float)(substep + 1) / (float)pace.substeps;
+        begin_substep(particles, motion, positions, velocities, rows, forces);
+        add_membrane_forces(elastic.membrane, rows.data, wind, forces.data);
+        if (substep % motion.hinge_interval == 0)
+            add_hinge_forces(elastic.hinges, rows.data,
+                             (float)least(motion.hinge_interval, pace.substeps - substep), forces.data);
+        add_pull(particles, motion, pulled, share, positions, velocities, forces);
+        integrate(particles, forces, step, positions, velocities, rounded);
+        // Where everything is near everything, a search would take for ever.
+        if (substep % pace.interval == 0 && !stays_together(positions, velocities, vertices)) return false;
+        if (motion.self_contact) {
+            if (substep % pace.interval == 0) {
+                if (!find_pairs(solver.sheet, positions, velocities, motion.self_radius + motion.self_margin,
+                                step * (float)pace.interval, contact))
+                    return false;
+                if (any_caught) drop_caught(solver.sheet, collider, caught.data, contact);
+            }
+            resolve_pairs(solver.sheet, contact, positions, velocities, particles, motion.self_radius,
+                          step);
+        }
+        if (collider.surface.faces.size == 0) continue;
+        if (substep % pace.body_interval == 0) {
+            contacts.size = find_near(collider, passage, share, positions, watch, found, work);
+            for (int k = 0; k < contacts.size; k++)
+                contacts[k] = {found[k].vertex, found[k].face, 0, 0, {}, {}, {}};
+        }
+        resolve_contacts(contacts, collider, passage, normals, share, positions, velocities,
+                         particles, motion.radius, step, motion.seconds);
+    }
+    end_passage(collider, passage, positions);
+    return stays_together(positions, velocities, vertices);
+}
+
 }  // namespace
 
 void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
@@ -89,71 +200,46 @@ void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
     }
 }
 
-bool step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions,
-          Vec *velocities, Searched searched, SelfContact &contact, Arena &work) {
+bool can_follow(const Solver &solver, const uvc_motion &motion, Failure &failure) {
+    float past = body_speed(solver, motion);
+    if (!(past >= 0)) failure.say("a vertex of the body is not a finite number");
+    if (past > FASTEST_BODY)
+        failure.say("the body moves at %d m/s past the cloth in a frame, the limit is %d m/s",
+                    (int)least(1e9f, past), (int)FASTEST_BODY);
+    if (!(needed_substeps(motion) < MOST_SUBSTEPS))
+        failure.say("a frame of %d s needs too many substeps", (int)least(1e9f, motion.seconds));
+    return !failure.failed;
+}
+
+int step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions,
+         Vec *velocities, Searched searched, SelfContact &contact, Arena &work, Failure &failure) {
     Scope scope(work);
-    const Collider &collider = solver.collider;
-    const Elastic &elastic = material.elastic;
-    const Particles &particles = material.particles;
-    int vertices = particles.mass.size;
-    Array<Row> rows = work.take<Row>(vertices);
-    Array<Force> forces = work.take<Force>(vertices);
-    Array<Vec64> rounded = work.take<Vec64>(vertices);
-    contact.boxes = work.take<Box>(solver.sheet.tree.nodes.size);
-    contact.speeds = work.take<Box>(solver.sheet.tree.nodes.size);
-    contact.cones = work.take<Cone>(solver.sheet.tree.nodes.size);
-    Passage passage =
-        begin_passage(collider, vectors(motion.body_start), vectors(motion.body_end), positions, searched,
-                      motion.frame, motion.renewal, work);
-    Array<int32_t> caught = work.take<int32_t>(vertices);
-    bool any_caught =
-        find_caught(collider, vectors(motion.body_start), positions, passage.parts, caught.data);
-    Array<float> watched = work.take<float>(vertices);
-    for (int k = 0; k < vertices; k++)
-        watched[k] = motion.radius + WATCHED + particles.thickness[k];
-    Watch watch{velocities, watched.data, (float)motion.body_interval / (float)motion.substeps,
-                motion.seconds, motion.reach, CLOSE};
-    Array<Near> found = work.take<Near>(collider.parts * vertices);
-    Array<Contact> near = work.take<Contact>(collider.parts * vertices), contacts{near.data, 0};
-    Normals normals{work.take<Vec>(collider.surface.vertices), work.take<int32_t>(collider.surface.vertices)};
-    Array<int32_t> pulled = work.take<int32_t>(vertices);
-    pulled.size = 0;
-    for (int k = 0; k < vertices; k++)
-        if (motion.pull[k] != 0) pulled[pulled.size++] = k;
-    Vec wind{motion.drift[0], motion.drift[1], motion.drift[2]};
-    float step = motion.seconds / (float)motion.substeps;
-    for (int substep = 0; substep < motion.substeps; substep++) {
-        float share = (float)(substep + 1) / (float)motion.substeps;
-        begin_substep(particles, motion, positions, velocities, rows, forces);
-        add_membrane_forces(elastic.membrane, rows.data, wind, forces.data);
-        if (substep % motion.hinge_interval == 0)
-            add_hinge_forces(elastic.hinges, rows.data,
-                             (float)least(motion.hinge_interval, motion.substeps - substep), forces.data);
-        add_pull(particles, motion, pulled, share, positions, velocities, forces);
-        integrate(particles, forces, step, positions, velocities, rounded);
-        // Where everything is near everything, a search would take for ever.
-        if (substep % motion.interval == 0 && !stays_together(positions, velocities, vertices)) return false;
-        if (motion.self_contact) {
-            if (substep % motion.interval == 0) {
-                if (!find_pairs(solver.sheet, positions, velocities, motion.self_radius + motion.self_margin,
-                                step * (float)motion.interval, contact))
-                    return false;
-                if (any_caught) drop_caught(solver.sheet, collider, caught.data, contact);
-            }
-            resolve_pairs(solver.sheet, contact, positions, velocities, particles, motion.self_radius,
-                          step);
-        }
-        if (collider.surface.faces.size == 0) continue;
-        if (substep % motion.body_interval == 0) {
-            contacts.size = find_near(collider, passage, share, positions, watch, found, work);
-            for (int k = 0; k < contacts.size; k++)
-                contacts[k] = {found[k].vertex, found[k].face, 0, 0, {}, {}, {}};
-        }
-        resolve_contacts(contacts, collider, passage, normals, share, positions, velocities,
-                         particles, motion.radius, step, motion.seconds);
+    int vertices = material.particles.mass.size, rows = solver.collider.parts * vertices;
+    if (!can_follow(solver, motion, failure)) return REFUSED;
+    float past = body_speed(solver, motion);
+    // Cloth that moves farther than the reach between two searches could pass through the body.
+    float reached = motion.reach / most(past + fastest(velocities, vertices), 1e-6f);
+    float body_interval = least(motion.interval, reached);
+    Array<Vec> places = work.copy(positions, vertices), speeds = work.copy(velocities, vertices);
+    Array<int32_t> faces = work.copy(searched.faces, rows);
+    Array<float> clear = work.copy(searched.clear, rows);
+    Array<PointPair> points = work.copy(contact.points.items);
+    Array<EdgePair> edges = work.copy(contact.edges.items);
+    int substeps = most((int)__builtin_ceil(needed_substeps(motion)), 1);
+    for (int attempt = 0; attempt <= RETRIES; attempt++, substeps *= 2) {
+        Pace pace{substeps, whole((float)substeps * motion.interval / motion.seconds + 0.5f),
+                  whole((float)substeps * body_interval / motion.seconds)};
+        if (move(solver, material, motion, pace, positions, velocities, searched, contact, work))
+            return substeps;
+        put_back(positions, places);
+        put_back(velocities, speeds);
+        put_back(searched.faces, faces);
+        put_back(searched.clear, clear);
+        contact.points.assign(points);
+        contact.edges.assign(edges);
     }
-    end_passage(collider, passage, positions);
-    return stays_together(positions, velocities, vertices);
+    failure.say("the cloth flies apart");
+    return FLIES_APART;
 }
 
 }  // namespace uvc

@@ -25,9 +25,15 @@ struct Solver {
 // "particles.friction" (N).
 void read_solver(const Sections &sections, Solver &solver, Failure &failure);
 
-// Moves cloth of a material through a frame; see uvc_solve in uvcloth.h. Returns whether it stays together.
-// work: has to have memory for a frame, and keeps it.
-bool step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions,
-          Vec *velocities, Searched searched, SelfContact &contact, Arena &work);
+// Whether cloth can follow the body through a frame, and the frame is not too long. Says why if not.
+bool can_follow(const Solver &solver, const uvc_motion &motion, Failure &failure);
+
+// Outcomes of a frame without substeps.
+constexpr int FLIES_APART = 0, REFUSED = -1;
+
+// Moves cloth of a material through a frame, with as many substeps as it takes; see uvc_solve in uvcloth.h.
+// Returns their number, or one of the outcomes above and a sentence, and leaves everything as it was.
+int step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions,
+         Vec *velocities, Searched searched, SelfContact &contact, Arena &work, Failure &failure);
 
 }  // namespace uvc

@@ -61,9 +61,11 @@ void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides, int32_
 }
 
 int uvc_solve(const uvc_solver *solver, const uvc_motion *motion, float *positions, float *velocities,
-              int32_t *faces, float *clear, uvc_pairs *pairs) {
+              int32_t *faces, float *clear, uvc_pairs *pairs, char *message, size_t room) {
+    uvc::Failure failure{message, room};
     return uvc::step(solver->data, solver->data.material, *motion, reinterpret_cast<uvc::Vec *>(positions),
-                     reinterpret_cast<uvc::Vec *>(velocities), {faces, clear}, pairs->data, pairs->work);
+                     reinterpret_cast<uvc::Vec *>(velocities), {faces, clear}, pairs->data, pairs->work,
+                     failure);
 }
 
 uvc_elastic *uvc_read_elastic(const void *bytes, size_t size, int vertices, char *message, size_t room) {

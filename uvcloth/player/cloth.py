@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from uvcloth.player.handles import pointer, read_outfit
+from uvcloth.player.handles import MESSAGE_ROOM, pointer, read_outfit
 from uvcloth.player.library import library
 from uvcloth.player.sections import pack
 
@@ -66,8 +66,8 @@ class MotionFields(ctypes.Structure):
         ("acceleration", ctypes.c_void_p),
         *((name, ctypes.c_float * 3) for name in ("drift", "gravity")),
         *((name, ctypes.c_float) for name in ("seconds", "radius", "self_radius", "self_margin", "reach")),
-        *((name, ctypes.c_int32) for name in ("substeps", "interval", "body_interval", "hinge_interval")),
-        *((name, ctypes.c_int32) for name in ("frame", "renewal", "self_contact")),
+        *((name, ctypes.c_float) for name in ("needed", "interval")),
+        *((name, ctypes.c_int32) for name in ("hinge_interval", "frame", "renewal", "self_contact")),
     )
 
 
@@ -97,11 +97,12 @@ class ClothSolver:
         velocities: Floats,
         pairs: Pairs,
         searched: Searched,
-    ) -> tuple[Floats, Floats, Pairs, Searched] | None:
+    ) -> tuple[Floats, Floats, Pairs, Searched, int] | None:
         """Move positions (N, 3) m and velocities (N, 3) m/s through a frame.
 
-        arrays, numbers, drift: the fields of uvc_motion by their names. Returns what comes after, or None for
-        cloth that has flown apart.
+        arrays, numbers, drift: the fields of uvc_motion by their names. Returns what comes after and the
+        substeps of the frame, or None for cloth that flies apart. Raises ValueError with the runtime's
+        sentence for a body that is too fast.
         """
         places, speeds = positions.copy(), velocities.copy()
         faces, clear = searched.faces.copy(), searched.clear.copy()
@@ -122,7 +123,8 @@ class ClothSolver:
                 pointer(pairs.directions),
                 len(pairs.edges),
             )
-            stays_together = core.uvc_solve(
+            message = ctypes.create_string_buffer(MESSAGE_ROOM)
+            substeps = core.uvc_solve(
                 self._handle,
                 ctypes.byref(motion),
                 pointer(places),
@@ -130,11 +132,15 @@ class ClothSolver:
                 pointer(faces),
                 pointer(clear),
                 handle,
+                message,
+                ctypes.c_size_t(MESSAGE_ROOM),
             )
             after = _pairs(core, handle)
         finally:
             core.uvc_free_pairs(handle)
-        return (places, speeds, after, Searched(faces, clear)) if stays_together else None
+        if substeps < 0:
+            raise ValueError(message.value.decode())
+        return (places, speeds, after, Searched(faces, clear), substeps) if substeps else None
 
 
 def _pairs(core: ctypes.CDLL, handle: ctypes.c_void_p) -> Pairs:

@@ -21,12 +21,6 @@ HOLD, HOLD_DAMPING = 100.0, 0.7
 MOST_SUBSTEPS_PER_SECOND = 60_000
 """Substeps above which cloth is refused: its faces are too small, or it is too stiff, for its mass."""
 
-FASTEST_BODY = 40.0
-"""Greatest speed of a body, m/s, relative to the mean of the cloth, that can be followed."""
-
-RETRIES = 2
-"""Times that a frame is repeated, each with twice the substeps."""
-
 
 @dataclass(frozen=True)
 class Settings:
@@ -135,17 +129,15 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
     """Simulate one frame.
 
     The frame of reference moves evenly with the mean of the targets, which keeps numbers small where a body
-    walks far. A frame in which cloth flies apart is repeated with more substeps. If that does not help, the
-    positions of the returned state are not finite: the caller has to check them. Raises InputError for a body
-    that is faster than FASTEST_BODY, or whose vertices are not finite.
+    walks far. If cloth flies apart, the positions of the returned state are not finite: the caller has to
+    check them. Raises InputError for a body that is too fast, or whose vertices are not finite.
     """
     origin, end, drift = moving_frame(motion.target_start, motion.target_end, motion.seconds)
     began = (state.positions + (state.origin - origin)).astype(np.float32)
     speeds = (state.velocities + (state.drift - drift)).astype(np.float32)
-    body_start, body_end = _around(motion.body_start, origin), _around(motion.body_end, end)
     arrays = {
-        "body_start": body_start,
-        "body_end": body_end,
+        "body_start": _around(motion.body_start, origin),
+        "body_end": _around(motion.body_end, end),
         "target_start": _around(motion.target_start, origin),
         "target_end": _around(motion.target_end, end),
         "pull": motion.pull,
@@ -153,42 +145,27 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
         "acceleration": motion.acceleration,
     }
     settings = solver.settings
-    needed = motion.seconds * max(settings.substeps, 1.0 / (settings.safety * solver.stable_step))
-    # Cloth that moves farther than the reach between two searches could pass through the body.
-    body_speed = _fastest(body_end - body_start) / motion.seconds
-    if not body_speed <= FASTEST_BODY:
-        raise InputError(
-            f"the body moves at {body_speed:.0f} m/s past the cloth in a frame, the limit is "
-            f"{FASTEST_BODY:.0f} m/s"
-        )
-    body_interval = min(settings.interval, settings.reach / max(body_speed + _fastest(speeds), 1e-6))
-    for attempt in range(RETRIES + 1):
-        substeps = math.ceil(needed) << attempt
-        numbers = {
-            "seconds": motion.seconds,
-            "radius": settings.radius,
-            "self_radius": settings.self_radius,
-            "self_margin": settings.self_margin,
-            "reach": settings.reach,
-            "substeps": substeps,
-            "interval": max(1, round(substeps * settings.interval / motion.seconds)),
-            "body_interval": max(1, int(substeps * body_interval / motion.seconds)),
-            "hinge_interval": 1,
-            "frame": state.frame,
-            "renewal": settings.renewal,
-            "self_contact": settings.self_contact,
-        }
+    numbers = {
+        "seconds": motion.seconds,
+        "radius": settings.radius,
+        "self_radius": settings.self_radius,
+        "self_margin": settings.self_margin,
+        "reach": settings.reach,
+        "needed": max(settings.substeps, 1.0 / (settings.safety * solver.stable_step)),
+        "interval": settings.interval,
+        "hinge_interval": 1,
+        "frame": state.frame,
+        "renewal": settings.renewal,
+        "self_contact": settings.self_contact,
+    }
+    try:
         after = solver.runtime.step(arrays, numbers, drift, began, speeds, state.pairs, state.near)
-        if after is not None:
-            positions, velocities, pairs, near = after
-            return State(positions, velocities, end, drift, pairs, near, substeps, state.frame + 1)
-    return replace(state, positions=np.full_like(began, np.nan), origin=end, drift=drift)
-
-
-def _fastest(ways: NDArray) -> float:
-    """Greatest length of ways (N, 3)."""
-    x, y, z = np.square(ways.T)
-    return math.sqrt(float((x + y + z).max(initial=0.0)))
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    if after is None:
+        return replace(state, positions=np.full_like(began, np.nan), origin=end, drift=drift)
+    positions, velocities, pairs, near, substeps = after
+    return State(positions, velocities, end, drift, pairs, near, substeps, state.frame + 1)
 
 
 def _around(points: NDArray, origin: NDArray[np.float64]) -> Floats:
