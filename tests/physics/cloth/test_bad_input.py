@@ -46,7 +46,7 @@ def test_a_target_that_is_no_number_leaves_cloth_that_is_none() -> None:
         assert not np.isfinite(state.vertices()).any()
 
 
-@pytest.mark.parametrize(("speed", "words"), [(50.0, "moves at 50 m/s"), (np.nan, "a vertex of the body is not a finite number")])
+@pytest.mark.parametrize(("speed", "words"), [(50.0, "moves at 50 m/s"), (np.nan, "is not a finite number")])
 def test_a_body_that_is_too_fast_or_nowhere_is_refused(speed: float, words: str) -> None:
     rest, faces = sheet(0.4, 0.4, 21, 21)
     ball = trimesh.creation.icosphere(3, radius=0.08)
