@@ -49,7 +49,8 @@ def choose_animation(
     None for the first whose keys differ: exporters put one in front that only holds the rest pose.
     """
     if wanted is None:
-        return next((each for each in animations if _differs(file, each)), animations[0])
+        several = animations if len(animations) > 1 else ()
+        return next((each for each in several if _differs(file, each)), animations[0])
     names = [animation_name(animation) for animation in animations]
     if names.count(wanted) == 1:
         return animations[names.index(wanted)]
