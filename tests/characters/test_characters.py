@@ -17,10 +17,12 @@ from tests.motion.test_gltf import CESIUM_MAN, CESIUM_ROLES
 from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
 from uvcloth.bodies.visible import visible_body
 from uvcloth.characters.body import CharacterBody, body_from_character, region_vertices
+from uvcloth.characters.enclosed import without_enclosed
 from uvcloth.characters.parts import label, sort_parts
 from uvcloth.characters.props import split_props
 from uvcloth.characters.reader import Part, read_character
 from uvcloth.characters.rig import rig_character
+from uvcloth.characters.shape import SkinnedSurface
 from uvcloth.commands.body import MakeBody, Phenotype
 from uvcloth.commands.make_body import make
 from uvcloth.errors import InputError
@@ -164,6 +166,36 @@ def test_hair_is_only_seen_and_clothes_over_skin_go(body: Body, tmp_path: Path) 
     assert fates(drop=("N00_Body_SKIN",)) == [[face, shirt], [hair], [skin]]
     with pytest.raises(InputError, match=r"--keep Hare: .* no mesh .* did you mean Hair"):
         fates(keep=("Hare",))
+
+
+def test_shoes_stay_where_no_feet_are_in_them(body: Body) -> None:
+    """MakeHuman takes the skin beneath clothes away; its clothes are named male_casualsuit01, shoes06."""
+    feet = body.mesh.faces[body.regions == REGIONS.index("foot")]
+    others = body.mesh.faces[body.regions != REGIONS.index("foot")]
+
+    def part(name: str, faces: torch.Tensor) -> Part:
+        return Part(name, "", replace(body.mesh, faces=faces, face_uvs=faces), body.weights)
+
+    suit, shoes = part("male_casualsuit01Mesh", others), part("shoes06Mesh", feet)
+    barefoot, footless = part("genericMesh", body.mesh.faces), part("genericMesh", others)
+    names = body.skeleton.names
+    assert sort_parts([barefoot, suit, shoes], names).left_out == (suit, shoes)
+    found = sort_parts([footless, suit, shoes], names)
+    assert (found.left_out, found.surface) == ((suit,), (footless, shoes))
+
+
+def test_what_is_inside_a_character_does_not_draw_our_surface_in(body: Body) -> None:
+    """Ball joints inside the shell of a mannequin; armpits and the skin between the legs are not inside."""
+    filled = with_box(body, "Spine1", centre=(0.0, -0.05, 0.4), size=(0.12, 0.06, 0.12))
+    kept = without_enclosed(SkinnedSurface(filled.mesh.vertices, filled.mesh.faces, filled.weights)).faces
+    inside = (kept >= len(body.mesh.vertices)).any(1)
+    assert not inside.any()
+    known = {tuple(face) for face in kept.tolist()}
+    lost = torch.tensor([tuple(face) not in known for face in body.mesh.faces.tolist()])
+    clothed = torch.isin(
+        body.regions, torch.tensor([REGIONS.index(each) for each in ("torso", "upper_arm", "thigh", "calf")])
+    )
+    assert float(lost[clothed].float().mean()) < 0.005
 
 
 def test_what_no_bone_sees_first_is_a_prop(body: Body) -> None:

@@ -54,6 +54,15 @@ def good_gltf(folder: Path) -> Path:
     return write_gltf(folder / "box.gltf", *document())
 
 
+def skinless_glb(folder: Path) -> Path:
+    """An animation alone, which turns nodes."""
+    written, binary = document()
+    written.pop("skins")
+    for node in written["nodes"]:
+        node.pop("skin", None)
+    return write_glb(folder / "box.glb", written, binary)
+
+
 def sparse_glb(folder: Path) -> Path:
     return write_glb(folder / "box.glb", *sparse_document(zeros=False))
 
@@ -178,6 +187,7 @@ TARGETS = [
     Target("bvh_on_body", good_bvh, on_our_body, check_on_body, share=0.25),
     Target("glb_motion", good_glb, read_gltf_motion, check_clip, GLB, share=0.5),
     Target("gltf_motion", good_gltf, read_gltf_motion, check_clip, share=0.5),
+    Target("skinless_motion", skinless_glb, read_gltf_motion, check_clip, GLB, share=0.5),
     Target("glb_character", good_glb, read_character, check_character, GLB, share=0.5),
     Target("gltf_character", good_gltf, read_character, check_character, share=0.5),
     Target("glb_mesh", good_glb, read_mesh, check_garment, GLB, share=0.5),

@@ -58,6 +58,11 @@ FAMILIES: dict[str, Layout] = {
         "{S}Thigh,{S}Shin,{S}Foot,{S}Toe,{S}Shoulder,{S}Arm,{S}ForeArm,{S}Hand,-",
         zero="random",
     ),
+    "MakeHuman of 2009": Layout(
+        "Hips,Spine1,Spine2,Spine3,Neck,-,Head",
+        "UpLeg_{L},LoLeg_{L},Foot_{L},Toe_{L},__Clavicle_{L},UpArm_{L},LoArm_{L},Hand_{L},Middle1_{L}",
+        up="z", unit=10.0, order="XYZ",
+    ),
     "Xsens MVN": Layout("Hips,Chest,Chest3,Chest4,Neck,-,Head", MVN_SIDES, order="YXZ"),
     "Xsens segments": Layout(
         "Pelvis,L5,T12,T8,Neck,-,Head",

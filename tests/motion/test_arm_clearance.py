@@ -53,6 +53,12 @@ def test_arms_outside_stay_as_they_are(body: Body) -> None:
     assert clear_arms(clip, body) is clip
 
 
+def test_turns_take_no_arm_inside_in_other_frames(body: Body) -> None:
+    """Where a clip begins or ends with an arm inside, the turn swings back before or after it."""
+    cleared = clear_arms(captured(body).window(96, 24), body)
+    assert float(arm_depth(body, cleared.transforms()).max()) < 2.0 * TOLERANCE + 0.001 - CLEARANCE
+
+
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_clips_of_few_frames(body: Body, frames: int) -> None:
     clip = captured(body).window(110, frames)

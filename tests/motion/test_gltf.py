@@ -91,6 +91,59 @@ def test_an_animation_is_chosen_by_its_name_or_number(tmp_path: Path, body: Body
         load_clip("walk", body, MotionOptions(animation="Run"))
 
 
+def test_an_animation_that_moves_nothing_is_not_the_first(tmp_path: Path, body: Body) -> None:
+    """Mixamo's files have one before theirs, "Take 001", that holds the T pose."""
+    path = tmp_path / "two.glb"
+    walk = load_clip("walk", body).window(20, 30)
+    write_motion(walk, path)
+
+    def add_still(written: dict[str, Any]) -> None:
+        (moving,) = written["animations"]
+        written["accessors"].append({"count": len(walk), "type": "VEC3", "componentType": 5126})
+        sampler = moving["samplers"][0] | {"output": len(written["accessors"]) - 1}
+        channel = {"sampler": 0, "target": {"node": 0, "path": "translation"}}
+        still = {"name": "Take 001", "samplers": [sampler], "channels": [channel]}
+        written["animations"] = [still, moving | {"name": "walk"}]
+
+    rewritten(path, add_still)
+    assert animation_names(path) == ["Take 001", "walk"]
+    moved, still = (read_gltf_motion(path, wanted) for wanted in (None, "Take 001"))
+    assert torch.equal(moved.rotations, read_gltf_motion(path, "walk").rotations)
+    assert not torch.equal(moved.rotations, still.rotations)
+
+
+@pytest.mark.parametrize("table", [False, True])
+def test_a_file_of_motion_alone_needs_no_skin(tmp_path: Path, body: Body, table: bool) -> None:
+    """Libraries of animations have none; those of VRM say which node is which bone of a person."""
+    walk = load_clip("walk", body).window(20, 30)
+    names = {name: f"bone {joint}" if table else name for joint, name in enumerate(walk.skeleton.names)}
+    write_motion(
+        replace(walk, skeleton=replace(walk.skeleton, names=tuple(names.values()))), tmp_path / "a.glb"
+    )
+    path = (tmp_path / "a.glb").rename(tmp_path / ("a.vrma" if table else "walk.glb"))
+
+    def strip(written: dict[str, Any]) -> None:
+        del written["skins"]
+        written["nodes"].append({"name": "Light"})
+        if table:
+            vrm_table("VRMC_vrm_animation", names)(written)
+
+    rewritten(path, strip)
+    assert len(animation_names(path)) == 1
+    gap = difference(load_clip(path, body), walk, dict.fromkeys(ROLES.values(), ""))
+    assert gap.degrees < 6.0, gap
+    assert gap.centimetres < 1.0, gap
+
+
+def test_who_lies_in_a_scene_needs_no_axis(tmp_path: Path, body: Body) -> None:
+    """Y is up in a glTF file; in a BVH, who lies may stand along another axis."""
+    walk = load_clip("walk", body).window(20, 30)
+    down = torch.tensor([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    write_motion(replace(walk, rotations=down @ walk.rotations), tmp_path / "lie.glb")
+    lying = load_clip(tmp_path / "lie.glb", body)
+    torch.testing.assert_close(lying.rotations[:, 0], down @ walk.rotations[:, 0], atol=1e-3, rtol=0)
+
+
 @pytest.mark.parametrize("version", ["VRM", "VRMC_vrm"])
 def test_the_table_of_a_vrm_file_says_who_moves(tmp_path: Path, body: Body, version: str) -> None:
     walk = load_clip("walk", body).window(20, 30)

@@ -10,15 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from tests.motion.bvh_text import performer
 from tests.motion.families import FAMILIES
-from tests.motion.layouts import difference, write_layout
+from tests.motion.layouts import ROLES, difference, write_layout
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import pose_from_rest
-from uvcloth.motion.library import load_clip, load_source
+from uvcloth.motion.library import load_clip, load_source, save_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.posture import check_posture
-from uvcloth.motion.rest import standing_axis
+from uvcloth.motion.rest import ZERO_POSE, rebase, standing_axis
 from uvcloth.motion.roles import joint_roles
 
 
@@ -118,6 +118,51 @@ def test_who_lies_is_refused_unless_the_axis_is_named(walk: Clip, tmp_path: Path
         load_clip(path, body)
     lying = load_clip(path, body, MotionOptions(up="y"))
     torch.testing.assert_close(lying.rotations[:, 0], down @ walk.rotations[:, 0], atol=1e-3, rtol=0)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_a_first_frame_in_place_of_the_rest_pose_is_none(
+    walk: Clip, tmp_path: Path, body: Body, turn: float
+) -> None:
+    """As in animations of Ready Player Me: the person stands there, but in the middle of a step."""
+    about = torch.from_numpy(Rotation.from_euler("z", turn).as_matrix()).float()
+    turned = replace(walk, rotations=about @ walk.rotations, translation=walk.translation @ about.T)
+    save_clip(rebase(turned, turned.rotations[0]), tmp_path / "step.npz")
+    heads = load_source(tmp_path / "step.npz", body).clip.skeleton.heads
+    assert standing_axis(heads, joint_roles(walk.skeleton.names)) is not None
+    source = load_source(tmp_path / "step.npz", body)
+    assert source.rest.origin == "the motion"
+    gap = difference(load_clip(tmp_path / "step.npz", body), turned, dict.fromkeys(ROLES.values(), ""))
+    assert gap.degrees < 30.0, gap  # Of hands, which hardly turn in a walk: how they rest is a mean.
+
+
+def test_the_rest_pose_of_every_family_that_stands_is_taken(walk: Clip, tmp_path: Path, body: Body) -> None:
+    for name in ("MotionBuilder", "DAZ Genesis 8", "3ds Max Biped", "VRM"):
+        write_layout(walk, FAMILIES[name], tmp_path / "walk.bvh")
+        assert load_source(tmp_path / "walk.bvh", body).rest.origin == ZERO_POSE, name
+
+
+def test_who_sits_cross_legged_bends_the_knees_forwards(walk: Clip) -> None:
+    clip = walk.window(0, 4)
+    rotations = torch.eye(3).expand_as(clip.rotations).clone()
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        thigh, shin = (clip.skeleton.names.index(f"{side}{name}") for name in ("UpLeg", "Leg"))
+        # The thigh forwards and outwards, turned about itself until the knee is beside and the shin inside.
+        out = Rotation.from_euler("zxz", [sign * 115.0, -80.0, sign * 25.0], degrees=True)
+        bent = out * Rotation.from_euler("x", 120.0, degrees=True)
+        rotations[:, thigh] = torch.from_numpy(out.as_matrix()).float()
+        rotations[:, clip.skeleton.branch(shin)] = torch.from_numpy(bent.as_matrix()).float()
+    sitting = replace(clip, rotations=rotations)
+    check_posture(sitting, lying=True)
+    backwards = rotations.clone()
+    for side in ("Left", "Right"):
+        shin = clip.skeleton.names.index(f"{side}Leg")
+        thigh = clip.skeleton.parents[shin]
+        backwards[:, clip.skeleton.branch(shin)] = (
+            rotations[:, thigh] @ (rotations[:, thigh].mT @ rotations[:, shin]).mT
+        )[:, None]
+    with pytest.raises(InputError, match="knees bend backwards in 100%"):
+        check_posture(replace(clip, rotations=backwards), lying=True)
 
 
 def test_a_named_axis_turns_a_standing_rest_pose(walk: Clip, tmp_path: Path, body: Body) -> None:

@@ -17,6 +17,7 @@ from rasterize.layout import unwrap
 from rasterize.raycast import closest_points
 from uvcloth.bodies.body import REGIONS, Appearance, Body, Proxy
 from uvcloth.bodies.stature import stature
+from uvcloth.characters.enclosed import without_enclosed
 from uvcloth.characters.look import polygons_of_parts
 from uvcloth.characters.parts import Sorted, sort_parts
 from uvcloth.characters.props import split_props
@@ -112,7 +113,7 @@ def body_from_character(
         parts = sort_parts(rigged.parts, rigged.skeleton.names, keep, drop)
         surface, props = split_props(parts.surface, rigged.skeleton)
         parts = replace(parts, surface=surface, props=props)
-        target = _joined(parts.surface)
+        target = without_enclosed(_joined(parts.surface))
         rough = rough_fit(pattern, rigged.skeleton, target)
         fitted, off = _fitted(pattern, rough, target, rigged)
         body = replace(

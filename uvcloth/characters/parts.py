@@ -24,7 +24,7 @@ LOOKS = (
 
 CLOTHES = (
     r"cloth(es|ing)?|outfit|tops?|bottoms?|shirts?|tshirt|blouse|jacket|coat|hood(ie|y)?|sweater|vest|dress|skirt|pants?|"
-    r"trousers|jeans|shorts|suit|tie|scarf|sleeves?|gloves?|socks?|stockings?|shoes?|boots?|sneakers?|heels?|"
+    r"trousers|jeans|shorts|\w*suit|tie|scarf|sleeves?|gloves?|socks?|stockings?|shoes?|boots?|sneakers?|heels?|"
     r"footwear|belt|cape|robe|accessor(y|ies)|onepiece|[hf]uku"
 )
 """The same for clothes; fuku is Japanese for them."""
@@ -33,6 +33,9 @@ WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 
 NEEDED = {"torso": ("Hips", "LowerBack", "Spine", "Spine1"), "legs": ("UpLeg", "Leg"), "arms": ("Arm",)}
 """Areas that skin has to cover for clothes to be left out, as endings of the joints that move them."""
+
+FEET = ("Foot", "ToeBase")
+"""Joints of the feet, as NEEDED has them: programs take the skin inside shoes away."""
 
 HANGS = 0.25
 """Share of the blend weights that are of spring bones from which on a part is clothes, whatever its names."""
@@ -82,10 +85,15 @@ def sort_parts(
     }
     skin = [part for place, part in enumerate(parts) if fate[place] == "surface"]
     clothes = [part for place, part in enumerate(parts) if fate[place] == "clothes"]
-    worn_over_skin = bool(skin) and _covers(skin, [*skin, *clothes], joints)
+    worn_over_skin = bool(skin) and _covers(skin, [*skin, *clothes], joints, NEEDED.values())
+    barefoot = bool(skin) and _covers(skin, [*skin, *clothes], joints, [FEET])
+    feet = _moving(joints, FEET)
     for place, kind in fate.items():
         if kind == "clothes":
-            fate[place] = "left out" if worn_over_skin else "surface"
+            below = worn_over_skin and (
+                barefoot or _area([parts[place]], feet) < _area([parts[place]], ~feet)
+            )
+            fate[place] = "left out" if below else "surface"
     by_kind = {
         kind: tuple(part for place, part in enumerate(parts) if fate[place] == kind)
         for kind in ("surface", "visible", "left out")
@@ -149,13 +157,20 @@ def _named_kind(part: Part) -> str:
     return "surface"
 
 
-def _covers(skin: Sequence[Part], everything: Sequence[Part], joints: Sequence[str]) -> bool:
-    """True if skin alone covers trunk, legs and upper arms."""
-    for endings in NEEDED.values():
-        moving = torch.tensor([any(_ends(joint, ending) for ending in endings) for joint in joints])
+def _covers(
+    skin: Sequence[Part], everything: Sequence[Part], joints: Sequence[str], areas: Iterable[Sequence[str]]
+) -> bool:
+    """True if skin alone covers some areas, each given by the endings of the joints that move it."""
+    for endings in areas:
+        moving = _moving(joints, endings)
         if _area(skin, moving) < LEAST_SHARE * _area(everything, moving):
             return False
     return True
+
+
+def _moving(joints: Sequence[str], endings: Sequence[str]) -> Tensor:
+    """Mask (J,) of the joints of some endings, of either side or none."""
+    return torch.tensor([any(_ends(joint, ending) for ending in endings) for joint in joints])
 
 
 def _ends(joint: str, ending: str) -> bool:

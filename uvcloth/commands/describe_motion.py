@@ -10,10 +10,9 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.motion import Motion
 from uvcloth.errors import InputError
 from uvcloth.files.image import write_png
-from uvcloth.formats.gltf import SCENES
 from uvcloth.geometry.units import UNITS
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.gltf import animation_names
+from uvcloth.motion.gltf import ANIMATED, animation_names
 from uvcloth.motion.library import MotionSource, clip_roles, load_source, motion_on_body, read_motion
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.retarget import leg_length
@@ -34,7 +33,7 @@ def describe(command: Motion) -> None:
     motion, out, options = command.file, command.out, command.options
     body = load_body(command.body)
     console = Console()
-    if Path(motion).suffix.lower() in SCENES:
+    if Path(motion).suffix.lower() in ANIMATED:
         _print(console, [f"animations: {numbered(animation_names(Path(motion)))}"])
     clip = read_motion(motion, options.animation)
     roles, _ = clip_roles(clip, options)

@@ -18,7 +18,7 @@ TEMPLATE_NAMES = ", ".join(get_args(TemplateName))
 FABRIC_NAMES = "|".join(get_args(FabricName))
 TRAINED = "a folder written by `uvcloth train`"
 
-MOTIONS = (".bvh", ".glb", ".gltf", ".vrm", ".fbx", ".npz")
+MOTIONS = (".bvh", ".glb", ".gltf", ".vrm", ".vrma", ".fbx", ".npz")
 """Suffixes of motion files."""
 
 VIDEO = Package("av", "videos need PyAV: install uvcloth[video]", (".mp4", ".gif"))

@@ -1,8 +1,8 @@
 """VRM files: which node of the skeleton is which bone of a person, and which nodes are spring bones.
 
-VRM 0.x keeps the human bones in a list in the extension VRM, VRM 1.0 in an object in VRMC_vrm, both under
-humanoid.humanBones. Spring bones are chains below the roots in VRM's secondaryAnimation.boneGroups, or the
-joints in VRMC_springBone's springs.
+VRM 0.x keeps the human bones in a list in the extension VRM, VRM 1.0 in an object in VRMC_vrm, animations of
+VRM (.vrma) in VRMC_vrm_animation, all under humanoid.humanBones. Spring bones are chains below the roots in
+VRM's secondaryAnimation.boneGroups, or the joints in VRMC_springBone's springs.
 """
 
 from collections.abc import Iterator, Mapping
@@ -69,7 +69,7 @@ def _chain(node: int, above: Mapping[int, int]) -> Iterator[int]:
 def _table(file: Gltf) -> Iterator[tuple[str, Any]]:
     """Bones of the table, and what it says is the node of each."""
     extensions = file.document.get("extensions", {})
-    for name in ("VRMC_vrm", "VRM"):
+    for name in ("VRMC_vrm", "VRMC_vrm_animation", "VRM"):
         table: Any = extensions
         for key in (name, "humanoid", "humanBones"):
             table = table.get(key) if isinstance(table, dict) else None

@@ -14,7 +14,14 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.rotations import from_axis_angles, rotate, rotate_back
-from uvcloth.motion.arms import FRAMES_AT_ONCE, PosedTorso, arm_joints, arm_places, posed_torso
+from uvcloth.motion.arms import (
+    FRAMES_AT_ONCE,
+    PosedTorso,
+    arm_depth,
+    arm_joints,
+    arm_places,
+    posed_torso,
+)
 from uvcloth.motion.clip import Clip
 
 CLEARANCE = 0.02
@@ -25,6 +32,9 @@ TOLERANCE = 0.002
 
 ROUNDS = 20
 """Most rounds of turning."""
+
+PASSES = 4
+"""Most times that turns are found, each with the frames in which those before took an arm inside."""
 
 STIFFNESS = 1.0
 """Weight of squared second differences of a turn at 30 fps, rad^2, beside squared depths, m^2."""
@@ -38,7 +48,7 @@ HELD_WEIGHT = 1e6
 
 @dataclass(frozen=True)
 class _DeepFrames:
-    """The F frames of a clip in which one of A arms misses CLEARANCE.
+    """The F frames of a clip in which one of A arms misses CLEARANCE, or would after turns in others.
 
     indices: (F,) in the clip. torsos: in these frames, in parts. places: (F, A, P, 3) m on the arms.
     """
@@ -64,14 +74,26 @@ def clear_arms(clip: Clip, body: Body, held: int = 0) -> Clip:
     In each round, the turns w of a shoulder, in the axes of the joint that carries it, minimize the sum of
     (a w - b)^2 over all places r of the arm (from the shoulder) that miss CLEARANCE by b, with a = r x n for
     the direction n outwards, plus the weighted squares of w and of its second differences in time. Rotations
-    of other joints stay. Returns the clip itself where no arm is in the torso.
+    of other joints stay. Where that takes an arm inside in a frame in which it was outside, all is done again
+    with this frame among the others. Returns the clip itself where no arm is in the torso.
     """
-    transforms = replace(clip, translation=clip.translation - clip.translation[:1]).transforms()
-    deep = _deep_frames(body, transforms)
-    if deep is None:
-        return clip
-    skeleton, rotations = clip.skeleton, clip.rotations.clone()
+    transforms = _around_start(clip)
+    watched = _depths(body, transforms) > -CLEARANCE
     smoothness = _smoothness(len(clip), clip.fps, held)
+    cleared, inside = clip, watched
+    for _ in range(PASSES):
+        if not inside.any():
+            break
+        watched = watched | inside
+        cleared = _cleared(clip, body, _deep_frames(body, transforms, watched), transforms, smoothness)
+        inside = (_depths(body, _around_start(cleared)) > 2.0 * TOLERANCE - CLEARANCE) & ~watched
+    return cleared
+
+
+def _cleared(
+    clip: Clip, body: Body, deep: _DeepFrames, transforms: Tensor, smoothness: sparse.csr_array
+) -> Clip:
+    skeleton, rotations = clip.skeleton, clip.rotations.clone()
     for arm, (upper, *_) in enumerate(arm_joints(body)):
         at = transforms[deep.indices, upper]
         shoulders = (at[..., :3] @ skeleton.heads[upper] + at[..., 3])[:, None]
@@ -81,20 +103,24 @@ def clear_arms(clip: Clip, body: Body, held: int = 0) -> Clip:
     return replace(clip, rotations=rotations)
 
 
-def _deep_frames(body: Body, transforms: Tensor) -> _DeepFrames | None:
-    indices, torsos, deep_places = [], [], []
-    for start in range(0, len(transforms), FRAMES_AT_ONCE):
-        some = transforms[start : start + FRAMES_AT_ONCE]
-        places = arm_places(body, some)
-        if not places.numel():
-            return None
-        torso = posed_torso(body, some)
-        deep = (torso.depths(places.flatten(1, 2))[0] > -CLEARANCE).any(1).nonzero()[:, 0]
-        if len(deep):
-            indices.append(start + deep)
-            torsos.append(torso.frames(deep))
-            deep_places.append(places[deep])
-    return _DeepFrames(torch.cat(indices), torsos, torch.cat(deep_places)) if indices else None
+def _around_start(clip: Clip) -> Tensor:
+    """Transforms (T, J, 3, 4) of a clip relative to its first place."""
+    return replace(clip, translation=clip.translation - clip.translation[:1]).transforms()
+
+
+def _depths(body: Body, transforms: Tensor) -> Tensor:
+    """Metres (T,) by which the deepest place of an arm is inside the torso, negative outside."""
+    depths = arm_depth(body, transforms)
+    return depths.amax(1) if depths.numel() else depths.new_full((len(depths),), -torch.inf)
+
+
+def _deep_frames(body: Body, transforms: Tensor, deep: Tensor) -> _DeepFrames:
+    """The frames of a mask (T,), given the transforms (T, J, 3, 4) of all."""
+    indices = deep.nonzero()[:, 0]
+    parts = transforms[indices].split(FRAMES_AT_ONCE)
+    return _DeepFrames(
+        indices, [posed_torso(body, some) for some in parts], arm_places(body, transforms[indices])
+    )
 
 
 def _smoothness(count: int, fps: float, held: int) -> sparse.csr_array:

@@ -36,10 +36,6 @@ class PosedTorso:
     normals: Tensor
     faces: Tensor
 
-    def frames(self, indices: Tensor) -> "PosedTorso":
-        """The torso in some of its frames, (K,) indices."""
-        return PosedTorso(self.vertices[indices], self.normals[indices], self.faces)
-
     def depths(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Depths (F, P) m of points (F, P, 3), negative outside, and unit directions (F, P, 3) outwards.
 

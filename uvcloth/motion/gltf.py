@@ -1,13 +1,15 @@
-"""Animation of a skeleton in glTF 2.0 files (.glb, .gltf, .vrm)."""
+"""Animation of a skeleton in glTF 2.0 files (.glb, .gltf, .vrm, .vrma), with or without a skin."""
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from uvcloth.errors import InputError
-from uvcloth.formats.gltf import Gltf, read_gltf
+from uvcloth.formats.gltf import SCENES, Gltf, read_gltf
 from uvcloth.formats.gltf_rig import SkinJoints, largest_skin, read_rig
+from uvcloth.formats.vrm import human_bones
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.hierarchy import Hierarchy, to_clip
 from uvcloth.motion.roles import table_roles
@@ -20,6 +22,10 @@ from uvcloth.player.animation import (
     sampled_worlds,
 )
 from uvcloth.player.gltf_document import LARGEST
+from uvcloth.player.nodes import chain
+
+ANIMATED = (*SCENES, ".vrma")
+"""Suffixes of the files that `read_gltf_motion` reads."""
 
 SHEAR = 1e-4
 """Largest difference of an entry of a matrix times its transpose from the identity, for a rotation.
@@ -31,13 +37,14 @@ Also the least singular value of a sheared matrix that has a nearest rotation.
 def read_gltf_motion(path: Path, wanted: str | None = None) -> Clip:
     """Read an animation of the largest skin of a glTF file, as a clip in metres, Y up.
 
-    wanted: name of the animation or its number, from 1, in `animation_names`; None for the first. The rest
-    pose is the bind pose of the skin, in which its mesh was modelled; keys are sampled at their own rate, 30
-    to 120 per second. Raises InputError naming the file if it has no skin or no such animation, and if the
+    wanted: name of the animation or its number, from 1, in `animation_names`; None for the first that moves
+    anything. The rest pose is the bind pose of the skin, in which its mesh was modelled. A file without a
+    skin, an animation for any character, has that of its nodes. Keys are sampled at their own rate, 30 to 120
+    per second. Raises InputError naming the file if it has no joints or no such animation, and if the
     animation cannot be read.
     """
     file = read_gltf(path)
-    rig = read_rig(file, largest_skin(file))
+    rig = read_rig(file, _moved_skin(file))
     nodes = moving_nodes(file, rig.nodes)
     animation = choose_animation(file, animations_of(file, nodes), wanted)
     times, fps = frame_times(file, animation, len(nodes))
@@ -49,13 +56,43 @@ def read_gltf_motion(path: Path, wanted: str | None = None) -> Clip:
 
 
 def animation_names(path: Path) -> list[str]:
-    """Names of the animations of the largest skin of a glTF file, "" for one without a name.
+    """Names of the animations that `read_gltf_motion` chooses from, "" for one without a name.
 
-    Raises InputError naming the file if it is not valid or has no skin.
+    Raises InputError naming the file if it is not valid or has no joints.
     """
     file = read_gltf(path)
-    nodes = moving_nodes(file, largest_skin(file)["joints"])
+    nodes = moving_nodes(file, _moved_skin(file)["joints"])
     return [animation_name(animation) for animation in animations_of(file, nodes)]
+
+
+def _moved_skin(file: Gltf) -> dict[str, Any]:
+    """The largest skin of a file; without one, a skin of its human bones or of the nodes that it turns.
+
+    The latter are all nodes below the lowest one that holds every node that an animation turns. Raises
+    InputError naming the file if there are none.
+    """
+    if file.entries("skins"):
+        return largest_skin(file)
+    joints = list(human_bones(file)) or _turned_tree(file)
+    if not joints:
+        raise file.error("has no skin, and no animation turns its nodes")
+    return {"joints": joints}
+
+
+def _turned_tree(file: Gltf) -> list[int]:
+    turned = {
+        channel["target"]["node"]
+        for animation in file.entries("animations")
+        for channel in animation["channels"]
+        if channel["target"]["path"] == "rotation" and "node" in channel["target"]
+    }
+    ways = [[*reversed(chain(node, file.above)), node] for node in turned]
+    shared = [nodes[0] for nodes in zip(*ways, strict=False) if len({*nodes}) == 1]
+    return [
+        node
+        for node in range(len(file.entries("nodes")))
+        if node in turned or (shared and shared[-1] in (node, *chain(node, file.above)))
+    ]
 
 
 def _hierarchy(file: Gltf, rig: SkinJoints, transforms: np.ndarray, fps: float) -> Hierarchy:

@@ -13,18 +13,17 @@ from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.fields import check_fields, indices, names, numbers
-from uvcloth.formats.gltf import SCENES
 from uvcloth.geometry.rotations import are_unit, from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton, in_order
 from uvcloth.motion.amass import carried_over, fits_unchanged, is_amass, read_amass
 from uvcloth.motion.arm_clearance import clear_arms
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.gltf import read_gltf_motion
+from uvcloth.motion.gltf import ANIMATED, read_gltf_motion
 from uvcloth.motion.guess import find_roles
 from uvcloth.motion.options import FPS_RANGE, MotionOptions
 from uvcloth.motion.posture import check_posture
-from uvcloth.motion.rest import Rest, find_rest
+from uvcloth.motion.rest import ZERO_POSE, Rest, find_rest
 from uvcloth.motion.retarget import require_limbs, required_roles, retarget
 from uvcloth.motion.roles import read_role_map
 
@@ -53,7 +52,7 @@ DEFAULTS = MotionOptions()
 
 READERS: dict[str, Callable[[Path], Clip]] = {
     ".bvh": read_bvh,
-    **dict.fromkeys(SCENES, read_gltf_motion),
+    **dict.fromkeys(ANIMATED, read_gltf_motion),
 }
 """Readers of motion files by suffix, besides that of clip archives."""
 
@@ -76,10 +75,15 @@ def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEF
     source = load_source(path_or_name, body, options)
     try:
         clip = motion_on_body(source, body, options)
-        check_posture(clip, lying=options.up is not None)
+        check_posture(clip, lying=options.up is not None or _up_is_known(Path(path_or_name), source.rest))
         return wanted_part(clip, options)
     except InputError as error:
         raise InputError(f"{path_or_name}: {error}") from error
+
+
+def _up_is_known(path: Path, rest: Rest) -> bool:
+    """Test for a scene whose up axis, Y by its format, is that of a rest pose in the file."""
+    return path.suffix.lower() in ANIMATED and rest.origin == ZERO_POSE and rest.up == "+y"
 
 
 def wanted_part(clip: Clip, options: MotionOptions) -> Clip:
@@ -139,9 +143,9 @@ def read_motion(path_or_name: str | Path, animation: str | None = None) -> Clip:
         )
     if animation is None:
         return reader(path)
-    if path.suffix.lower() not in SCENES:
+    if path.suffix.lower() not in ANIMATED:
         raise InputError(
-            f"{path_or_name}: --animation is for {', '.join(SCENES)}, this file holds one motion"
+            f"{path_or_name}: --animation is for {', '.join(ANIMATED)}, this file holds one motion"
         )
     return read_gltf_motion(path, animation)
 

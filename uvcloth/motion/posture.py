@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.errors import InputError
+from uvcloth.geometry.rotations import rotate_back
 from uvcloth.motion.anatomy import unit
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.roles import joint_roles
@@ -46,7 +47,7 @@ def check_posture(clip: Clip, lying: bool = False) -> None:
             f"left arm and left leg are on one side in only {one_side:.0%} of the frames: left and right "
             f"joints are exchanged, or the rest pose is wrong: {ADVICE}"
         )
-    forwards = _bending_forwards(positions, roles)
+    forwards = _bending_forwards(clip, positions, roles)
     if forwards <= MOST:
         raise InputError(
             f"knees bend backwards in {1 - forwards:.0%} of the frames in which they bend: left and right "
@@ -81,14 +82,19 @@ def _one_side(positions: Tensor, roles: Mapping[str, int]) -> float:
     return float(((hips * shoulders).sum(-1) > 0).float().mean())
 
 
-def _bending_forwards(positions: Tensor, roles: Mapping[str, int]) -> float:
-    """Share of the bent knees that bend forwards, 1 where none is bent."""
-    left = unit(positions[:, roles["left_thigh"]] - positions[:, roles["right_thigh"]])
+def _bending_forwards(clip: Clip, positions: Tensor, roles: Mapping[str, int]) -> float:
+    """Share of the bent knees that bend forwards, 1 where none is bent.
+
+    In the axes of each thigh: someone who sits cross-legged has turned them outwards.
+    """
+    heads = clip.skeleton.heads
+    left = unit(heads[roles["left_thigh"]] - heads[roles["right_thigh"]])
     forwards: list[Tensor] = []
     for side in ("left", "right"):
-        thigh, shin, foot = (positions[:, roles[f"{side}_{part}"]] for part in ("thigh", "shin", "foot"))
-        hinge = torch.linalg.cross(unit(shin - thigh), unit(foot - shin))
+        thigh, shin, foot = (roles[f"{side}_{part}"] for part in ("thigh", "shin", "foot"))
+        calf = rotate_back(clip.rotations[:, thigh], (positions[:, foot] - positions[:, shin]).to(heads))
+        hinge = torch.linalg.cross(unit(heads[shin] - heads[thigh]).expand_as(calf), unit(calf))
         bent = hinge.norm(dim=-1) > BENT
-        forwards.append((hinge * left).sum(-1)[bent] > 0)
+        forwards.append((hinge @ left)[bent] > 0)
     bends = torch.cat(forwards)
     return float(bends.float().mean()) if len(bends) else 1.0

@@ -21,6 +21,9 @@ from uvcloth.motion.roles import joint_roles
 
 Roles = Mapping[str, int]
 
+ZERO_POSE = "the zero pose"
+"""Origin of a rest pose that the file has."""
+
 FRAMES_LOOKED_AT = 500
 """Most frames that an estimate uses, spread evenly over the clip."""
 
@@ -38,6 +41,12 @@ BONE_DEGREES = 1.0
 
 UNTWISTED_DEGREES = 45.0
 """Degrees from no twist relative to its parent within which a shin, forearm or foot snaps to it."""
+
+TURNED_DEGREES = 25.0
+"""Degrees between the line of the hips and an axis from which on a pose is one of a motion, not of rest."""
+
+LOPSIDED = 0.2
+"""Distance of a joint from the mirror image of its counterpart, over that of a leg, from which on too."""
 
 LEAST_BEND = 0.05
 """Mean sine of the bend of knees or elbows below which they do not tell the axis that they bend about."""
@@ -60,10 +69,10 @@ def find_rest(
 ) -> Rest:
     """Find the rest pose in which the person stands, and the clip relative to it, in the file's axes.
 
-    The pose is that of a named frame; else the zero pose, if it stands; else estimated from the motion, with
-    bones that point like the body's. up: "y" or "z", the axis that the motion stands along, by default that
-    of most frames. Raises InputError if there is no such frame, if the person does not stand in it, and if no
-    axis can be determined.
+    The pose is that of a named frame; else the zero pose, if it stands as one does at rest: along the axes,
+    the same on both sides; else estimated from the motion, with bones that point like the body's. up: "y" or
+    "z", the axis that the motion stands along, by default that of most frames. Raises InputError if there is
+    no such frame, if the person does not stand in it, and if no axis can be determined.
     """
     looked_at = torch.linspace(0, len(clip) - 1, min(len(clip), FRAMES_LOOKED_AT)).round().long().unique()
     thinned = replace(clip, rotations=clip.rotations[looked_at], translation=clip.translation[looked_at])
@@ -71,6 +80,8 @@ def find_rest(
     if rest_frame is not None:
         return _from_frame(clip, roles, rest_frame)
     resting = standing_axis(clip.skeleton.heads, roles)
+    if resting is not None and not _at_rest(clip.skeleton.heads, roles, resting):
+        resting = None
     up_axis = _named_axis(up) if up else None
     if resting is None:
         axis = _motion_axis(positions, roles) if up_axis is None else up_axis
@@ -79,9 +90,9 @@ def find_rest(
         )
     axis = _motion_axis_beside(resting, positions, roles) if up_axis is None else up_axis
     if float(axis @ resting) > 0.5:
-        return Rest(clip, "the zero pose", axis_name(axis))
+        return Rest(clip, ZERO_POSE, axis_name(axis))
     turned = smallest_rotation(resting, axis).expand(len(clip.skeleton.names), 3, 3)
-    return Rest(rebase(clip, turned), f"the zero pose, turned from {axis_name(resting)} up", axis_name(axis))
+    return Rest(rebase(clip, turned), f"{ZERO_POSE}, turned from {axis_name(resting)} up", axis_name(axis))
 
 
 def rebase(clip: Clip, rest: Tensor) -> Clip:
@@ -112,6 +123,24 @@ def standing_axis(heads: Tensor, roles: Roles) -> Tensor | None:
         upright = upright and -(foot - thigh) @ up > UPRIGHT * leg
         upright = upright and (hand - arm) @ out > -0.5 * (hand - arm).norm()
     return up if bool(upright) and float((left_arm - right_arm) @ left) > 0 else None
+
+
+def _at_rest(heads: Tensor, roles: Roles, up: Tensor) -> bool:
+    """Test for a pose of the joints (J, 3), standing along an axis, that is no moment of a motion.
+
+    Some files of motion alone have their first frame in its place.
+    """
+    legs = heads[[roles["left_thigh"], roles["right_thigh"]]]
+    across = legs[0] - legs[1]
+    left = unit(across - (across @ up) * up)
+    if float((left @ nearest_axis(left)).acos().rad2deg()) > TURNED_DEGREES:
+        return False
+    size = (heads[roles["left_foot"]] - legs[0]).norm()
+    sides = ("thigh", "shin", "foot", "upper_arm", "forearm", "hand")
+    mine, other = (heads[[roles[f"{side}_{part}"] for part in sides]] for side in ("left", "right"))
+    away = other - legs.mean(0)
+    mirrored = other - 2.0 * (away @ left)[:, None] * left
+    return bool(((mine - mirrored).norm(dim=1) < LOPSIDED * size).all())
 
 
 def nearest_axis(vector: Tensor) -> Tensor:

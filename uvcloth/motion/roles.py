@@ -21,12 +21,12 @@ MIDDLE_NAMES = {
 }
 SIDE_NAMES = {
     "thigh": ("upleg", "upperleg", "hip", "thigh", "thighbend", "upperleg01"),
-    "shin": ("leg", "knee", "shin", "lowleg", "lowerleg", "calf", "lowerleg01"),
+    "shin": ("leg", "knee", "shin", "lowleg", "loleg", "lowerleg", "calf", "lowerleg01"),
     "foot": ("ankle", "foot"),
     "toes": ("toebase", "toe", "toes", "toe0", "ball", "toe31", "toe11", "foot"),
     "upper_arm": ("arm", "upperarm", "uparm", "shldr", "shldrbend", "shoulder", "upperarm01"),
     "clavicle": ("collar", "clavicle", "shoulder"),
-    "forearm": ("forearm", "elbow", "lowarm", "lowerarm", "forearmbend", "lowerarm01"),
+    "forearm": ("forearm", "elbow", "lowarm", "loarm", "lowerarm", "forearmbend", "lowerarm01"),
     "hand": ("wrist", "hand"),
     "fingers": (
         *("handindex1", "handmiddle1", "handfinger1", "fingers", "mid1", "middle1", "middleproximal"),

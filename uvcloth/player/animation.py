@@ -15,6 +15,9 @@ FPS_RANGE = (30.0, 120.0)
 SPARSEST, MOST_OF_FEW = 100, 1_000_000
 """Limit for the sampled transforms of nodes: so many for each value in the file, and so many more."""
 
+STILL = 1e-6
+"""Difference of the keys of a channel, over their largest value, up to which it moves nothing."""
+
 
 def numbered(names: Sequence[str]) -> str:
     """The names of animations with their numbers from 1, in one line."""
@@ -41,9 +44,13 @@ def animations_of(file: GltfFile, nodes: set[int]) -> list[dict[str, Any]]:
 def choose_animation(
     file: GltfFile, animations: Sequence[dict[str, Any]], wanted: str | None
 ) -> dict[str, Any]:
-    """The animation of a name, or of a number from 1; None for the first. Raises ValueError if none is."""
+    """The animation of a name, or of a number from 1. Raises ValueError if none is.
+
+    None for the first whose keys differ: exporters put one in front that only holds the rest pose.
+    """
     if wanted is None:
-        return animations[0]
+        several = animations if len(animations) > 1 else ()
+        return next((each for each in several if _differs(file, each)), animations[0])
     names = [animation_name(animation) for animation in animations]
     if names.count(wanted) == 1:
         return animations[names.index(wanted)]
@@ -51,6 +58,20 @@ def choose_animation(
     if wanted not in numbers:
         raise file.error(f"--animation {wanted}: expected one of {numbered(names)}")
     return animations[numbers.index(wanted)]
+
+
+def _differs(file: GltfFile, animation: dict[str, Any]) -> bool:
+    """Test for an animation with a channel of REST whose keys differ."""
+    for channel in animation["channels"]:
+        kind = "VEC4" if channel["target"]["path"] == "rotation" else "VEC3"
+        if channel["target"]["path"] in REST:
+            sampler = animation["samplers"][channel["sampler"]]
+            values = file.array(sampler["output"], kind)
+            if sampler.get("interpolation") == "CUBICSPLINE":
+                values = values[1::3]
+            if len(values) and (np.ptp(values, axis=0) > STILL * np.abs(values).max()).any():
+                return True
+    return False
 
 
 def animation_name(animation: dict[str, Any]) -> str:
