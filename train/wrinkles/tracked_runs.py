@@ -2,7 +2,7 @@
 
 Run from the checkout as
 
-    python -m train.wrinkles.tracked_runs DATA --garment tops --windows index.csv --clips-from mocap --split train
+    python -m train.wrinkles.tracked_runs DATA --windows index.csv --clips-from mocap --split train
 
 and train on DATA. Each run is a file of the split's folder in DATA; those that are there are kept.
 """
@@ -43,7 +43,7 @@ from uvcloth.simulate.tracking import FineGarment, Tracking, track
 
 RUN_FORMAT = "uvcloth-tracked-run-1"
 
-LED_IN = 10
+LED_IN = 8
 """Frames before the first that is kept, in which fine cloth forgets its start."""
 
 FIELDS = {
@@ -110,7 +110,7 @@ def load_run(path: Path) -> TrackedRun:
 
 @torch.no_grad()
 def carried_garment(garment: Garment, body: Body, transforms: Tensor, fps: float, quality: str) -> Tensor:
-    """The garment (T, N, 3) m on its cage, over joints (T, J, 3, 4) float64; nothing is refused for a tear."""
+    """The garment (T, N, 3) m on its cage, over joints (T, J, 3, 4) float64."""
     method = Physics(PhysicsConfig(quality))
     frames = rollout(method, Outfit(body, (garment,)), transforms, fps, keep_going=True)
     return torch.stack([frame.vertices[0] for frame in frames])

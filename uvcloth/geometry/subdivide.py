@@ -82,9 +82,9 @@ def loop_subdivision(points: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def loop_matrix(faces: Tensor, count: int) -> Tensor:
-    """The step of `loop_subdivision` of faces (F, 3) as a product: sparse (P + E, P), for any pose of P points.
+    """The step of `loop_subdivision` of faces (F, 3) as a product, sparse (P + E, P), for any pose of P points.
 
-    Its faces are those of `halve_edges`, in that order, with the middles numbered as `loop_subdivision` does.
+    Vertices are numbered as `loop_subdivision` does.
     """
     ends = torch.stack([faces, faces.roll(-1, 1)], dim=2).reshape(-1, 2).sort(dim=1).values
     keys, edge_of = torch.unique(ends[:, 1] * count + ends[:, 0], return_inverse=True)

@@ -1,8 +1,8 @@
 """Fine cloth that tracks a coarse one: free where that cannot fold, pulled to it at longer waves.
 
-After tracking of shells by Bergou et al. 2007, with soft springs in place of constraints: fine cloth is pulled
-to the surface that a cage carries, but only by the part of its offset whose waves the cage can have. So its
-coarse motion is that of the cage, and what is left, folds, is a function of it.
+After the tracking of shells by Bergou et al. 2007, with soft springs in place of constraints: fine cloth is
+pulled to the surface that a cage carries, but only by the part of its offset whose waves the cage can have.
+So its coarse motion is that of the cage, and what is left, folds, is a function of it.
 """
 
 from collections.abc import Iterator
@@ -44,15 +44,15 @@ class Tracking:
     """Settings of fine cloth that tracks a coarse one.
 
     edge: m, length of its edges. pull: 1/s, frequency of the springs, and damping: their damping ratio.
-    wavelength: m, above which waves of the offset are pulled back; two edges of a default cage. settle:
-    frames that the first pose lasts before. moved_mass: as `make_cloth` has it.
+    wavelength: m, above which waves of the offset are pulled back: a little more than two edges of a cage.
+    settle: frames that the first pose lasts before. moved_mass: as `make_cloth` has it.
     """
 
     edge: float = 0.009
-    pull: float = 20.0
+    pull: float = 40.0
     damping: float = 0.7
-    wavelength: float = 0.08
-    settle: int = 10
+    wavelength: float = 0.1
+    settle: int = 6
     moved_mass: float = 0.02
     settings: Settings = field(default_factory=lambda: Settings(renewal=4, interval=1.0 / 120.0))
 
@@ -88,7 +88,7 @@ class FineGarment:
 
 
 class LongWaves:
-    """Low-pass filter of values at the vertices of an even mesh: 1 / (1 + (k / k0)^4) of each wave number k."""
+    """Low-pass filter of values at the vertices of an even mesh: 1 / (1 + (k / k0)^4) of wave number k."""
 
     def __init__(self, rest: Tensor, faces: Tensor, wavelength: float) -> None:
         """Make the filter of a mesh at rest, (n, 3) m and (m, 3). wavelength: m, of k0."""
@@ -132,7 +132,7 @@ def track(
     targets = fine.carried(carried.double()).numpy()
     used, parts = compact(scene.collider_parts)
     bodies = scene.collider[:, used].numpy()
-    place = KDTree(scene.rest.numpy()).query(fine.rest.numpy())[1]
+    place = KDTree(garment.mesh.vertices[cloth.kept].numpy()).query(fine.rest.numpy())[1]
     band, factor = scene.band.numpy()[place], scene.mass_factor.numpy()[place]
     rest = fine.rest.double().numpy()
     solver = make_solver(

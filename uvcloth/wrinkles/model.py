@@ -91,6 +91,10 @@ class WrinkledGarment:
         """The refined mesh at rest."""
         return self.sheet.refined.mesh
 
+    def begin(self) -> None:
+        """Forget the frames before."""
+        self._past = None
+
     @torch.no_grad()
     def wrinkled(self, vertices: Tensor, fps: float, skin: BodySurface) -> Tensor:
         """Vertices (n, 3) m of the refined mesh with wrinkles, of the next frame of the garment (N, 3) m.

@@ -64,13 +64,11 @@ class WrinkleNet(nn.Module):
         self.register_buffer("output_scale", torch.full((3, 1, 1), 0.005))
         self.first = nn.Conv2d(CHANNELS, widths[0], 4, stride=2, padding=1)
         self.down = nn.ModuleList(
-            nn.Conv2d(before, after, 4, stride=2, padding=1)
-            for before, after in pairwise(widths)
+            nn.Conv2d(before, after, 4, stride=2, padding=1) for before, after in pairwise(widths)
         )
         self.across = nn.ModuleList(nn.Conv2d(width, width, 3, padding=1) for width in widths)
         self.up = nn.ModuleList(
-            nn.Conv2d(deep + width, width, 3, padding=1)
-            for width, deep in pairwise(widths)
+            nn.Conv2d(deep + width, width, 3, padding=1) for width, deep in pairwise(widths)
         )
         self.last = nn.Conv2d(widths[0], 12, 3, padding=1)
         nn.init.zeros_(self.last.weight)

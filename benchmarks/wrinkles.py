@@ -1,0 +1,296 @@
+"""Wrinkles beside what rivals make of the same smooth surface, against fine cloth that tracks it.
+
+    python benchmarks/wrinkles.py DATA --models RUN ...
+
+DATA: made by `train.wrinkles.tracked_runs`. Rivals are fitted to its training runs, and their settings are
+chosen on validation. Scores: those of `evaluate.folds`, on frames that are FIRST or more from their run's
+start.
+
+plain: the smooth surface. table: the true folds of another moment of training. sharpened: the cloth's offset
+from the skinned garment without its long waves, times a factor. pooled, local: ridge regression of the
+displacement on the inputs of the same texel, one for all texels, one for each. global: of all texels on
+principal components of all inputs. finer cage: the same motion on cages with edges of 30 mm.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated
+
+import numpy as np
+import torch
+import tyro
+from rich.console import Console
+from torch import Tensor
+
+from evaluate.folds import FoldFilters, fold_filters, fold_scores
+from train.wrinkles.frames import FineTexels, load_frames, run_files, run_frames
+from train.wrinkles.tracked_runs import carried_garment, load_run
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.garment import Garment
+from uvcloth.garments.loading import load_garment
+from uvcloth.geometry.skinning import skin
+from uvcloth.process.command import run_command
+from uvcloth.wrinkles.inputs import CHANNELS, input_maps
+from uvcloth.wrinkles.model import load_wrinkles
+from uvcloth.wrinkles.sheet import Sheet
+
+FIRST = 15
+"""Frames of a run that are not scored: a finer cage starts from rest in its first pose."""
+
+EVERY = 5
+"""One of so many frames is scored by its shape; all of them by their change."""
+
+RIDGES = (1e-3, 1e-2, 1e-1, 1.0)
+"""Shares of the mean variance of inputs that ridges may be."""
+
+MOVING = [*range(12), *range(15, 19)]
+"""Input channels that change over a run."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A run with what is needed to judge displacements on it.
+
+    clip: name. inputs: (T, P, CHANNELS). axes: (T, P, 3, 3). truth: (T, P, 3) m on these axes. smooth: (T, n,
+    3) m of the refined mesh. sharp: (T, n, 3) m, see the module. finer: (T, n, 3) m, offset of a finer cage.
+    """
+
+    clip: str
+    inputs: Tensor
+    axes: Tensor
+    truth: Tensor
+    smooth: Tensor
+    sharp: Tensor
+    finer: Tensor
+
+
+Maker = Callable[[Judged], Tensor]
+"""Displacements (T, P, 3) m on the axes of texels, or (T, n, 3) m of the refined mesh in the world."""
+
+
+def judged(path: Path, garment: Garment, body: Body, sheet: Sheet, places: FineTexels, filters: FoldFilters) -> Judged:
+    """Read a run, and make what rivals need of it."""
+    run = load_run(path)
+    offsets = places.offsets(run, path)
+    inputs, truth, axes = run_frames(sheet, body, run, offsets)
+    carried = run.carried[2:]
+    skinned = skin(garment.mesh.vertices, garment.smooth_weights, run.transforms)
+    away = sheet.refined.at(carried - skinned)
+    finer = carried_garment(garment, body, run.transforms.double(), run.fps, "fine")
+    return Judged(
+        run.clip,
+        inputs,
+        axes,
+        truth,
+        sheet.refined.at(carried),
+        away - filters.passes[0](away).float(),
+        sheet.refined.at(finer - carried),
+    )
+
+
+def in_world(sheet: Sheet, run: Judged, made: Tensor) -> Tensor:
+    """Displacements (T, n, 3) m of the refined mesh in the world, of those at texels on their axes."""
+    if made.shape[1] != len(sheet.texels):
+        return made
+    return sheet.at_vertices((run.axes * made[:, :, None]).sum(-1))
+
+
+def score(sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged], make: Maker) -> dict[str, float]:
+    """Scores of a maker over runs."""
+    parts: dict[str, list[Tensor]] = {}
+    wrong = changed = moved = error = size = 0.0
+    for run in runs:
+        made = make(run)
+        shown = slice(FIRST, None, EVERY)
+        real_world = in_world(sheet, run, run.truth)
+        made_world = in_world(sheet, run, made)
+        scores = fold_scores(filters, run.smooth[shown].double(), made_world[shown], real_world[shown])
+        for name, values in scores.items():
+            parts.setdefault(name, []).append(values)
+        local = made if made.shape == run.truth.shape else texel_values(sheet, run, made)
+        change, true = local[FIRST:].diff(dim=0), run.truth[FIRST:].diff(dim=0)
+        wrong += float((change - true).double().square().sum())
+        moved += float(change.double().square().sum())
+        changed += float(true.double().square().sum())
+        error += float((local - run.truth)[FIRST:].double().norm(dim=2).mean()) * 1000.0
+        size += 1
+    all_of = {name: torch.cat(values) for name, values in parts.items()}
+    ratio = (all_of["made_mm2"].mean(0) / all_of["real_mm2"].mean(0)).sqrt()
+    return {
+        "40-80": float(ratio[0]),
+        "20-40": float(ratio[1]),
+        "10-20": float(ratio[2]),
+        "cosine": float(all_of["cosine"].mean()),
+        "signed": float(all_of["signed"].mean()),
+        "places": float(all_of["places"].mean()),
+        "popping": (wrong / changed) ** 0.5,
+        "motion": (moved / changed) ** 0.5,
+        "mm": error / size,
+    }
+
+
+def texel_values(sheet: Sheet, run: Judged, made: Tensor) -> Tensor:
+    """Displacements (T, P, 3) m at texels on their axes, of those (T, n, 3) of the refined mesh."""
+    # Vertices of the garment come first in its refined mesh.
+    world = sheet.at_texels(made[:, : len(sheet.mesh.points)].float())
+    return (run.axes * world[..., None]).sum(-2)
+
+
+def fit_pooled(inputs: Tensor, wrinkles: Tensor, ridge: float) -> Maker:
+    """One ridge regression for all texels, with their mean displacement. inputs: (R, P, C) half."""
+    count = len(inputs)
+    mean = wrinkles.float().mean(0)
+    scale = inputs[::16].float().std((0, 1)).clamp(min=1e-4)
+    gram, cross = torch.zeros(len(MOVING) + 1, len(MOVING) + 1), torch.zeros(len(MOVING) + 1, 3)
+    for rows in torch.arange(0, count, 4).split(32):
+        x = with_one(inputs[rows].float()[..., MOVING] / scale[MOVING]).flatten(0, 1)
+        gram += x.T @ x / len(x)
+        cross += x.T @ (wrinkles[rows].float() - mean).flatten(0, 1) / len(x)
+    solved = torch.linalg.solve(gram + ridge * torch.eye(len(gram)), cross)
+    return lambda run: with_one(run.inputs[..., MOVING] / scale[MOVING]) @ solved + mean
+
+
+def fit_local(inputs: Tensor, wrinkles: Tensor, ridges: Sequence[float]) -> list[Maker]:
+    """A ridge regression for each texel, on the inputs there, for each of the ridges."""
+    scale = inputs[::16].float().std((0, 1)).clamp(min=1e-4)[MOVING]
+    size = len(MOVING) + 1
+    solved: list[list[Tensor]] = [[] for _ in ridges]
+    for texels in torch.arange(inputs.shape[1]).split(512):
+        x = with_one(inputs[:, texels].float()[..., MOVING] / scale).transpose(0, 1)
+        y = wrinkles[:, texels].float().transpose(0, 1)
+        gram, cross = x.mT @ x / len(inputs), x.mT @ y / len(inputs)
+        free = torch.eye(size)
+        free[-1, -1] = 1e-6
+        for ridge, parts in zip(ridges, solved, strict=True):
+            parts.append(torch.linalg.solve(gram + ridge * free, cross))
+    weights = [torch.cat(parts) for parts in solved]
+
+    def maker(each: Tensor) -> Maker:
+        return lambda run: torch.einsum("tpc,pcd->tpd", with_one(run.inputs[..., MOVING] / scale), each)
+
+    return [maker(each) for each in weights]
+
+
+def fit_global(inputs: Tensor, wrinkles: Tensor, kept: Sequence[int], ridge: float) -> list[Maker]:
+    """Ridge regressions of all displacements on the first principal components of all inputs."""
+    count, texels, _ = inputs.shape
+    some = torch.arange(0, texels, 5)
+    scale = inputs[::16].float().std((0, 1)).clamp(min=1e-4)[MOVING]
+    x = (inputs[:, some].float()[..., MOVING] / scale).flatten(1)
+    middle = x.mean(0)
+    x -= middle
+    values, vectors = torch.linalg.eigh(x @ x.T)
+    most = max(kept)
+    lengths = values[-most:].flip(0).clamp(min=1e-6).sqrt()
+    scores = vectors[:, -most:].flip(1) * lengths
+    directions = (x.T @ vectors[:, -most:].flip(1)) / lengths
+    y = wrinkles.float().flatten(1)
+    mean = y.mean(0)
+    weights = [
+        torch.linalg.solve(
+            scores[:, :k].T @ scores[:, :k] + ridge * lengths[0] ** 2 / count * torch.eye(k), scores[:, :k].T @ (y - mean)
+        )
+        for k in kept
+    ]
+
+    def maker(k: int, each: Tensor) -> Maker:
+        def make(run: Judged) -> Tensor:
+            seen_by = (run.inputs[:, some][..., MOVING] / scale).flatten(1) - middle
+            return (seen_by @ directions[:, :k] @ each + mean).view(len(run.inputs), texels, 3)
+
+        return make
+
+    return [maker(k, each) for k, each in zip(kept, weights, strict=True)]
+
+
+def with_one(values: Tensor) -> Tensor:
+    """Values (..., C + 1) with a channel of ones."""
+    return torch.cat([values, torch.ones_like(values[..., :1])], dim=-1)
+
+
+def network(folder: Path, body: Body, sheet: Sheet, strength: float = 1.0) -> Maker:
+    """The maker of a trained network, times a strength."""
+    wrinkles = load_wrinkles(folder, body)
+
+    def make(run: Judged) -> Tensor:
+        maps = torch.cat([wrinkles.net(input_maps(sheet, rows)) for rows in run.inputs.split(8)])
+        return strength * maps.flatten(2)[:, :, sheet.texels.pixels].transpose(1, 2)
+
+    return make
+
+
+@dataclass(frozen=True)
+class WrinklesBenchmark:
+    """Judge wrinkles and their rivals."""
+
+    data: tyro.conf.Positional[Path]
+    """Folder of runs."""
+    models: tuple[Path, ...] = ()
+    """Runs of `uvcloth train wrinkles`."""
+    split: Annotated[str, tyro.conf.arg(metavar="validation|test")] = "validation"
+    """Split that is scored; settings are chosen on validation."""
+    rivals: bool = True
+    """Fit the rivals, too."""
+
+    @torch.no_grad()
+    def run(self) -> None:
+        """Print the table."""
+        torch.set_num_threads(1)
+        body = load_body()
+        garment = load_garment("tops", body)
+        sheet = Sheet.of(garment, 128)
+        mesh = sheet.refined.mesh
+        filters = fold_filters(mesh.vertices, mesh.faces)
+        places = FineTexels(garment, sheet)
+        console = Console()
+        splits = dict.fromkeys(("validation", self.split))
+        held = {
+            split: [judged(path, garment, body, sheet, places, filters) for path in run_files([self.data], split)]
+            for split in splits
+        }
+        console.print("rows: " + ", ".join(f"{name} {len(each)} runs" for name, each in held.items()))
+
+        def shown(name: str, make: Maker) -> None:
+            begun = perf_counter()
+            scores = score(sheet, filters, held[self.split], make)
+            line = " | ".join(f"{value:.2f}" for value in scores.values())
+            console.print(f"| {name} | {line} |", soft_wrap=True)
+            del begun
+
+        console.print("| | " + " | ".join(("40-80", "20-40", "10-20", "cosine", "signed", "places", "popping", "motion", "mm")) + " |", soft_wrap=True)
+        shown("truth on maps", lambda run: run.truth)
+        shown("plain", lambda run: torch.zeros_like(run.truth))
+        for folder in self.models:
+            shown(folder.name, network(folder, body, sheet))
+        if not self.rivals:
+            return
+        shown("finer cage", lambda run: run.finer)
+        frames, _ = load_frames(run_files([self.data], "train"), garment, body, sheet)
+        console.print(f"{len(frames.inputs)} training frames")
+        table = frames.wrinkles
+        generator = np.random.default_rng(0)
+        shown("table", lambda run: table[torch.from_numpy(generator.integers(0, len(table) - len(run.truth))) + torch.arange(len(run.truth))].float() if False else table[int(generator.integers(0, len(table) - len(run.truth))) :][: len(run.truth)].float())
+        shown("mean of each texel", lambda run: table.float().mean(0).expand_as(run.truth))
+        strength = self._strength(sheet, filters, held["validation"])
+        shown(f"sharpened x {strength:.1f}", lambda run: strength * run.sharp)
+
+        def best(candidates: Sequence[tuple[str, Maker]]) -> tuple[str, Maker]:
+            return max(candidates, key=lambda each: score(sheet, filters, held["validation"], each[1])["signed"])
+
+        shown(*best([(f"pooled {ridge:g}", fit_pooled(frames.inputs, frames.wrinkles, ridge)) for ridge in RIDGES[:2]]))
+        shown(*best([(f"local {r:g}", make) for r, make in zip(RIDGES, fit_local(frames.inputs, frames.wrinkles, RIDGES), strict=True)]))
+        kept = (16, 64, 192)
+        shown(*best([(f"global {k}", make) for k, make in zip(kept, fit_global(frames.inputs, frames.wrinkles, kept, 1.0), strict=True)]))
+
+    def _strength(self, sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged]) -> float:
+        """Factor by which sharpening gives the waves of 20 to 80 mm their true size."""
+        scores = [fold_scores(filters, r.smooth[FIRST::EVERY].double(), r.sharp[FIRST::EVERY], in_world(sheet, r, r.truth)[FIRST::EVERY]) for r in runs]
+        made, real = (torch.cat([each[name] for each in scores])[:, :2].sum() for name in ("made_mm2", "real_mm2"))
+        return float((real / made).sqrt())
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("wrinkles.py", lambda: tyro.cli(WrinklesBenchmark).run()))
