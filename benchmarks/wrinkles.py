@@ -33,7 +33,7 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
 from uvcloth.process.command import run_command
-from uvcloth.wrinkles.inputs import CHANNELS, input_maps
+from uvcloth.wrinkles.inputs import input_maps
 from uvcloth.wrinkles.model import load_wrinkles
 from uvcloth.wrinkles.sheet import Sheet
 
@@ -71,7 +71,9 @@ Maker = Callable[[Judged], Tensor]
 """Displacements (T, P, 3) m on the axes of texels, or (T, n, 3) m of the refined mesh in the world."""
 
 
-def judged(path: Path, garment: Garment, body: Body, sheet: Sheet, places: FineTexels, filters: FoldFilters) -> Judged:
+def judged(
+    path: Path, garment: Garment, body: Body, sheet: Sheet, places: FineTexels, filters: FoldFilters
+) -> Judged:
     """Read a run, and make what rivals need of it."""
     run = load_run(path)
     offsets = places.offsets(run, path)
@@ -191,7 +193,8 @@ def fit_global(inputs: Tensor, wrinkles: Tensor, kept: Sequence[int], ridge: flo
     mean = y.mean(0)
     weights = [
         torch.linalg.solve(
-            scores[:, :k].T @ scores[:, :k] + ridge * lengths[0] ** 2 / count * torch.eye(k), scores[:, :k].T @ (y - mean)
+            scores[:, :k].T @ scores[:, :k] + ridge * lengths[0] ** 2 / count * torch.eye(k),
+            scores[:, :k].T @ (y - mean),
         )
         for k in kept
     ]
@@ -248,7 +251,9 @@ class WrinklesBenchmark:
         console = Console()
         splits = dict.fromkeys(("validation", self.split))
         held = {
-            split: [judged(path, garment, body, sheet, places, filters) for path in run_files([self.data], split)]
+            split: [
+                judged(path, garment, body, sheet, places, filters) for path in run_files([self.data], split)
+            ]
             for split in splits
         }
         console.print("rows: " + ", ".join(f"{name} {len(each)} runs" for name, each in held.items()))
@@ -260,7 +265,12 @@ class WrinklesBenchmark:
             console.print(f"| {name} | {line} |", soft_wrap=True)
             del begun
 
-        console.print("| | " + " | ".join(("40-80", "20-40", "10-20", "cosine", "signed", "places", "popping", "motion", "mm")) + " |", soft_wrap=True)
+        console.print(
+            "| | "
+            + " | ".join(("40-80", "20-40", "10-20", "cosine", "signed", "places", "popping", "motion", "mm"))
+            + " |",
+            soft_wrap=True,
+        )
         shown("truth on maps", lambda run: run.truth)
         shown("plain", lambda run: torch.zeros_like(run.truth))
         for folder in self.models:
@@ -272,23 +282,70 @@ class WrinklesBenchmark:
         console.print(f"{len(frames.inputs)} training frames")
         table = frames.wrinkles
         generator = np.random.default_rng(0)
-        shown("table", lambda run: table[torch.from_numpy(generator.integers(0, len(table) - len(run.truth))) + torch.arange(len(run.truth))].float() if False else table[int(generator.integers(0, len(table) - len(run.truth))) :][: len(run.truth)].float())
+        shown(
+            "table",
+            lambda run: (
+                table[
+                    torch.from_numpy(generator.integers(0, len(table) - len(run.truth)))
+                    + torch.arange(len(run.truth))
+                ].float()
+                if False
+                else table[int(generator.integers(0, len(table) - len(run.truth))) :][
+                    : len(run.truth)
+                ].float()
+            ),
+        )
         shown("mean of each texel", lambda run: table.float().mean(0).expand_as(run.truth))
         strength = self._strength(sheet, filters, held["validation"])
         shown(f"sharpened x {strength:.1f}", lambda run: strength * run.sharp)
 
         def best(candidates: Sequence[tuple[str, Maker]]) -> tuple[str, Maker]:
-            return max(candidates, key=lambda each: score(sheet, filters, held["validation"], each[1])["signed"])
+            return max(
+                candidates, key=lambda each: score(sheet, filters, held["validation"], each[1])["signed"]
+            )
 
-        shown(*best([(f"pooled {ridge:g}", fit_pooled(frames.inputs, frames.wrinkles, ridge)) for ridge in RIDGES[:2]]))
-        shown(*best([(f"local {r:g}", make) for r, make in zip(RIDGES, fit_local(frames.inputs, frames.wrinkles, RIDGES), strict=True)]))
+        shown(
+            *best(
+                [
+                    (f"pooled {ridge:g}", fit_pooled(frames.inputs, frames.wrinkles, ridge))
+                    for ridge in RIDGES[:2]
+                ]
+            )
+        )
+        shown(
+            *best(
+                [
+                    (f"local {r:g}", make)
+                    for r, make in zip(RIDGES, fit_local(frames.inputs, frames.wrinkles, RIDGES), strict=True)
+                ]
+            )
+        )
         kept = (16, 64, 192)
-        shown(*best([(f"global {k}", make) for k, make in zip(kept, fit_global(frames.inputs, frames.wrinkles, kept, 1.0), strict=True)]))
+        shown(
+            *best(
+                [
+                    (f"global {k}", make)
+                    for k, make in zip(
+                        kept, fit_global(frames.inputs, frames.wrinkles, kept, 1.0), strict=True
+                    )
+                ]
+            )
+        )
 
     def _strength(self, sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged]) -> float:
         """Factor by which sharpening gives the waves of 20 to 80 mm their true size."""
-        scores = [fold_scores(filters, r.smooth[FIRST::EVERY].double(), r.sharp[FIRST::EVERY], in_world(sheet, r, r.truth)[FIRST::EVERY]) for r in runs]
-        made, real = (torch.cat([each[name] for each in scores])[:, :2].sum() for name in ("made_mm2", "real_mm2"))
+        scores = [
+            fold_scores(
+                filters,
+                r.smooth[FIRST::EVERY].double(),
+                r.sharp[FIRST::EVERY],
+                in_world(sheet, r, r.truth)[FIRST::EVERY],
+            )
+            for r in runs
+        ]
+        made, real = (
+            torch.cat([each[name] for each in scores])[:, :2].sum() for name in ("made_mm2", "real_mm2")
+        )
         return float((real / made).sqrt())
 
 

@@ -24,7 +24,7 @@ BLURS = (0.02, 0.04)
 
 @dataclass(frozen=True)
 class FoldFilters:
-    """Filters on a garment's surface. passes: low-pass filters at WAVELENGTHS. blurs: averages of BLURS."""
+    """Filters on a garment's surface. passes: low-pass, at WAVELENGTHS. blurs: averages of BLURS."""
 
     surface: Surface
     passes: tuple[Callable[[Tensor], Tensor], ...]
@@ -88,8 +88,8 @@ def fold_scores(filters: FoldFilters, smooth: Tensor, made: Tensor, real: Tensor
         "made_mm2": band_energies(filters, made),
         "real_mm2": band_energies(filters, real),
         "cosine": (normals[0] * normals[1]).sum(2) @ (areas / areas.sum()),
-        "signed": correlation(*blurred, areas),
-        "places": correlation(*sizes, areas),
+        "signed": correlation(blurred[0], blurred[1], areas),
+        "places": correlation(sizes[0], sizes[1], areas),
     }
 
 

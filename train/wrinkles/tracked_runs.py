@@ -11,7 +11,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
@@ -105,7 +105,8 @@ def load_run(path: Path) -> TrackedRun:
         tensors["offsets"]
     ):
         raise InputError(f"{path}: its arrays are of different numbers of frames")
-    return TrackedRun(fps=float(data["fps"]), edge=float(data["edge"]), **texts, **tensors)
+    values: dict[str, Any] = {**texts, **tensors}
+    return TrackedRun(fps=float(data["fps"]), edge=float(data["edge"]), **values)
 
 
 @torch.no_grad()

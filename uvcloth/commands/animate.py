@@ -73,9 +73,8 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
         )
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         visible = visible_outfit(command, method, proxied)
-        meshes = visible.named()
         exposure = Exposure(body, visible.meshes)
-        through = ClothExposure(body, visible.meshes) if len(meshes) > 1 else None
+        through = ClothExposure(body, visible.meshes) if len(visible.meshes) > 1 else None
         shown = visible_body(body)
         hidden = HiddenSkin(shown, visible.meshes, proxied.hides(shown)) if command.hide_skin else None
     every = _interval(out, len(clip)) if command.preview else 1
@@ -84,14 +83,14 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     for line in filter(None, (choice, *ready.lines, *visible.lines, *sizes)):
         report(line)
     if audience:
-        audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
+        audience.begin(clip.name, body, visible.meshes, len(transforms[::every]), fps)
     totals, start = Totals(several=through is not None), perf_counter()
     with ExitStack() as stack:
         writers = [
             stack.enter_context(
                 open_writer(
                     path,
-                    meshes,
+                    visible.named(),
                     body,
                     fps,
                     transforms[::every].float(),

@@ -74,8 +74,8 @@ class Rollout:
     ] = None
     quality: Quality = "default"
     wrinkles: bool = False
-    """Add wrinkles that the faces of the cloth solver cannot have, on finer meshes, to garments that a network
-    was trained on."""
+    """Add wrinkles that the solver's faces are too large for, on finer meshes, to garments that a network was
+    trained on."""
     wrinkles_from: Annotated[
         Path | None,
         arg(metavar="RUN", help_behavior_hint="(default: the network in the package)"),

@@ -71,6 +71,4 @@ def visible_outfit(command: Rollout, method: Method, proxied: ProxiedOutfit) -> 
             "--wrinkles: no network ships; train one (uvcloth train wrinkles), name it with --wrinkles-from"
         )
     wrinkles = load_wrinkles(folder, proxied.outfit.body)
-    return VisibleOutfit(
-        proxied, WrinkledOutfit.of(wrinkles, proxied.outfit, proxied.meshes, command.quality)
-    )
+    return VisibleOutfit(proxied, WrinkledOutfit(wrinkles, proxied.outfit, proxied.meshes, command.quality))

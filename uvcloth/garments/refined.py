@@ -25,12 +25,12 @@ class Refined:
     def of(cls, mesh: Mesh) -> "Refined":
         """Refine a mesh; vertices at one place, as at texture seams, are joined."""
         joined = welded(mesh.vertices, mesh.faces)
-        vertices, faces = loop_subdivision(joined.points, joined.faces)
+        faces = loop_subdivision(joined.points, joined.faces)[1]
         uvs, face_uvs = mesh.uvs, mesh.face_uvs
         if len(uvs):
             uvs, face_uvs = halve_edges(uvs, face_uvs)
         matrix = loop_matrix(joined.faces, len(joined.points))
-        return cls(joined.kept, joined.places, matrix, Mesh(vertices, faces, uvs, face_uvs))
+        return cls(joined.kept, joined.places, matrix, Mesh(matrix @ joined.points, faces, uvs, face_uvs))
 
     def at(self, vertices: Tensor) -> Tensor:
         """Vertices (..., P, 3) m of the refined mesh, of the garment at (..., N, 3) m."""

@@ -82,9 +82,9 @@ def loop_subdivision(points: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def loop_matrix(faces: Tensor, count: int) -> Tensor:
-    """The step of `loop_subdivision` of faces (F, 3) as a product, sparse (P + E, P), for any pose of P points.
+    """`loop_subdivision` of faces (F, 3) as a product, for all poses of P points: sparse (P + E, P).
 
-    Vertices are numbered as `loop_subdivision` does.
+    Vertices are numbered as there.
     """
     ends = torch.stack([faces, faces.roll(-1, 1)], dim=2).reshape(-1, 2).sort(dim=1).values
     keys, edge_of = torch.unique(ends[:, 1] * count + ends[:, 0], return_inverse=True)
@@ -100,8 +100,10 @@ def loop_matrix(faces: Tensor, count: int) -> Tensor:
     share = (40.0 - (2.0 * turn.cos() + 3.0) ** 2) / (64.0 * valence.clamp(min=1))
     share[rim] = 0.125
     corners = torch.arange(count)
+    # A vertex on the rim follows those beside it on the rim alone, also where a face has two edges there.
+    along_rim = torch.cat([~inner, ~inner])
     follows = torch.cat([edges, edges.flip(1)])
-    follows = follows[~rim[follows[:, 0]] | rim[follows[:, 1]]]
+    follows = follows[~rim[follows[:, 0]] | along_rim]
     rows = torch.cat(
         [count + numbers, count + numbers, count + edge_of[inside], follows[:, 0], corners],
     )

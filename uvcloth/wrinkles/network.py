@@ -71,8 +71,8 @@ class WrinkleNet(nn.Module):
             nn.Conv2d(deep + width, width, 3, padding=1) for width, deep in pairwise(widths)
         )
         self.last = nn.Conv2d(widths[0], 12, 3, padding=1)
-        nn.init.zeros_(self.last.weight)
-        nn.init.zeros_(self.last.bias)
+        for parameter in self.last.parameters():
+            nn.init.zeros_(parameter)
 
     def forward(self, maps: Tensor) -> Tensor:
         """Displacements (B, 3, H, W) m, of input maps (B, CHANNELS, H, W)."""
