@@ -19,7 +19,7 @@ WAVELENGTHS = (0.08, 0.04, 0.02, 0.01)
 """Limits between the bands, metres, from the longest waves to the shortest."""
 
 BLURS = (0.02, 0.04)
-"""Standard deviations, m, of the blur of signed curvature, and of its size: about one wavelength of a fold."""
+"""Standard deviations, m, of the blur of signed curvature, and of its size: about a wavelength of a fold."""
 
 
 @dataclass(frozen=True)

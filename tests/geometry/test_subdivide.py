@@ -85,7 +85,7 @@ def test_loop_subdivision_is_that_of_trimesh() -> None:
 
 def test_the_matrix_of_a_loop_step_is_the_step() -> None:
     sphere = trimesh.creation.icosphere(subdivisions=2)
-    faces = torch.tensor(sphere.faces[sphere.triangles_center[:, 2] < 0.3])
+    faces = torch.tensor(sphere.faces[(sphere.faces != 0).all(1)])
     used, faces = faces.unique(return_inverse=True)
     points = torch.tensor(sphere.vertices).float()[used]
     matrix = loop_matrix(faces, len(points))

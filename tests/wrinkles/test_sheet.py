@@ -129,5 +129,5 @@ def test_a_garment_without_texture_coordinates_is_refused() -> None:
 def test_a_chart_that_is_too_small_is_refused() -> None:
     mesh = strip()
     small = replace(mesh, uvs=mesh.uvs * 0.04)
-    with pytest.raises(InputError, match="2 of the 2 charts .* fewer than 4 texels at 64 x 64"):
+    with pytest.raises(InputError, match=r"2 of the 2 charts .* fewer than 4 texels at 64 x 64"):
         Sheet.of(garment(small), SIZE)
