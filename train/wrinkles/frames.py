@@ -14,11 +14,10 @@ from uvcloth.bodies.posing import posed_skin
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.physics.surface import BodySurface, closest_points
-from uvcloth.simulate.tracking import FineGarment
 from uvcloth.wrinkles.inputs import first_past, texel_inputs
 from uvcloth.wrinkles.sheet import Sheet
 
-from .tracked_runs import TrackedRun, fine_mesh_name, load_run
+from .tracked_runs import TrackedRun, fine_mesh, fine_mesh_name, load_run
 
 
 @dataclass(frozen=True)
@@ -40,22 +39,23 @@ def run_files(folders: Sequence[Path], split: str) -> list[Path]:
 
 
 class FineTexels:
-    """Places of a sheet's texels in the fine meshes of runs, which are made again for each edge length."""
+    """Places of a sheet's texels in the fine meshes of folders of runs."""
 
     def __init__(self, garment: Garment, sheet: Sheet) -> None:
         self.garment, self.sheet = garment, sheet
-        self._known: dict[float, tuple[str, Tensor, Tensor]] = {}
+        self._known: dict[Path, tuple[str, Tensor, Tensor]] = {}
 
     def offsets(self, run: TrackedRun, path: Path) -> Tensor:
         """Offsets (T, P, 3) m of a run at the texels. Raises InputError for a run of another fine mesh."""
-        if run.edge not in self._known:
-            fine = FineGarment.of(self.garment, run.edge)
+        folder = path.parents[1]
+        if folder not in self._known:
+            fine, _ = fine_mesh(self.garment, folder, None)
             points = self.sheet.at_texels(self.sheet.mesh.points)
             near = closest_points(points, fine.rest, fine.faces)
-            self._known[run.edge] = fine_mesh_name(fine), fine.faces[near.face], near.barycentrics
-        name, corners, shares = self._known[run.edge]
+            self._known[folder] = fine_mesh_name(fine), fine.faces[near.face], near.barycentrics
+        name, corners, shares = self._known[folder]
         if run.mesh != name or run.garment != self.garment.name:
-            raise InputError(f"{path}: was made on another mesh of {self.garment.name}; make it again")
+            raise InputError(f"{path}: is not of the fine mesh of {self.garment.name} in {folder}")
         return gather(run.offsets, corners, shares)
 
 

@@ -25,11 +25,12 @@ from uvcloth.commands.options import BodyFile
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.atomic import make_folder
-from uvcloth.files.fields import check_fields, numbers, text
+from uvcloth.files.fields import check_fields, indices, numbers, text, whole
 from uvcloth.files.options import AtLeast
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_garment
+from uvcloth.garments.refined import Refined
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
@@ -80,6 +81,46 @@ class TrackedRun:
 
     def __len__(self) -> int:
         return len(self.offsets)
+
+
+MESH_FORMAT, MESH_FILE = "uvcloth-fine-mesh-1", "fine_mesh.npz"
+"""File, in the folder of the runs, of their fine mesh: it takes a minute to make."""
+
+MESH_FIELDS = {
+    "edge": numbers(least=1e-3, dtype=np.float64),
+    "rest": numbers("n", 3),
+    "faces": indices("m", 3, of="n"),
+    "corners": whole("n", 3),
+    "weights": numbers("n", 3),
+}
+
+
+def fine_mesh(garment: Garment, folder: Path, edge: float | None) -> tuple[FineGarment, float]:
+    """The fine mesh of the runs in a folder, made and kept there if there is none, and its edge length, m.
+
+    edge: m, None for that of the file. Raises InputError for a damaged file, for one of another edge length,
+    and if there is none and no length is given.
+    """
+    path = folder / MESH_FILE
+    if not path.exists():
+        if edge is None:
+            raise InputError(f"{path}: is missing; train.wrinkles.tracked_runs makes it")
+        fine = FineGarment.of(garment, edge)
+        arrays = {name: getattr(fine, name).numpy() for name in ("rest", "faces", "corners", "weights")}
+        save_arrays(path, {"format": np.array(MESH_FORMAT), "edge": np.array(edge), **arrays})
+        return fine, edge
+    data = check_fields(path, load_arrays(path, MESH_FORMAT, "a fine mesh of tracking cloth"), MESH_FIELDS)
+    refined = Refined.of(garment.mesh)
+    if int(data["corners"].max(initial=0)) >= len(refined.mesh.vertices):
+        raise InputError(f"{path}: is of another garment than {garment.name}")
+    kept = float(data["edge"])
+    if edge is not None and edge != kept:
+        raise InputError(
+            f"{path}: has edges of {1000 * kept:.1f} mm, not {1000 * edge:.1f}; use another folder"
+        )
+    rest, weights = (torch.from_numpy(data[name]).float() for name in ("rest", "weights"))
+    faces, corners = (torch.from_numpy(data[name]).long() for name in ("faces", "corners"))
+    return FineGarment(refined, rest, faces, corners, weights), kept
 
 
 def fine_mesh_name(fine: FineGarment) -> str:
@@ -156,7 +197,8 @@ class TrackedRuns:
         body = load_body(self.body)
         garment = load_garment(self.garment, body)
         console, tracking = Console(stderr=True), Tracking(edge=self.edge)
-        fine = FineGarment.of(garment, self.edge)
+        make_folder(self.data)
+        fine, _ = fine_mesh(garment, self.data, self.edge)
         name = fine_mesh_name(fine)
         entries = interleaved(e for e in read_index(self.windows).values() if e.split == self.split)
         if not entries:

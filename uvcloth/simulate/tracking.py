@@ -62,7 +62,7 @@ class FineGarment:
     """An even fine mesh of a garment, whose vertices lie in the refined garment.
 
     rest: (n, 3) m. faces: (m, 3). corners, weights: (n, 3) vertices of the refined garment around each, and
-    their barycentrics. near: (n,) the vertex of the garment that is nearest to each at rest.
+    their barycentrics.
     """
 
     refined: Refined
@@ -70,17 +70,13 @@ class FineGarment:
     faces: Tensor
     corners: Tensor
     weights: Tensor
-    near: Tensor
 
     @classmethod
     def of(cls, garment: Garment, edge: float) -> "FineGarment":
         """The mesh of a garment at rest with edges of a length, m."""
         refined = Refined.of(garment.mesh)
         even = kept_cage(refined.mesh.vertices, refined.mesh.faces, edge)
-        near = KDTree(garment.mesh.vertices.numpy()).query(even.vertices.numpy())[1]
-        return cls(
-            refined, even.vertices, even.faces, even.corners, even.weights, torch.from_numpy(near).long()
-        )
+        return cls(refined, even.vertices, even.faces, even.corners, even.weights)
 
     def carried(self, vertices: Tensor) -> Tensor:
         """Vertices (..., n, 3) m as the garment's smooth surface at (..., N, 3) m carries them."""
