@@ -16,7 +16,6 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 from typing import Annotated
 
 import numpy as np
@@ -25,7 +24,7 @@ import tyro
 from rich.console import Console
 from torch import Tensor
 
-from evaluate.folds import FoldFilters, fold_filters, fold_scores
+from evaluate.folds import FoldFilters, FoldLooks, band_energies, fold_filters, fold_looks, fold_scores
 from train.wrinkles.frames import FineTexels, load_frames, run_files, run_frames
 from train.wrinkles.tracked_runs import carried_garment, load_run
 from uvcloth.bodies.body import Body, load_body
@@ -40,11 +39,20 @@ from uvcloth.wrinkles.sheet import Sheet
 FIRST = 15
 """Frames of a run that are not scored: a finer cage starts from rest in its first pose."""
 
-EVERY = 5
+EVERY = 9
 """One of so many frames is scored by its shape; all of them by their change."""
 
-RIDGES = (1e-3, 1e-2, 1e-1, 1.0)
+SCORED = slice(FIRST, None, EVERY)
+"""Frames of a run that are scored by their shape."""
+
+COLUMNS = ("40-80", "20-40", "10-20", "cosine", "signed", "places", "popping", "motion", "mm")
+"""Heads of the table's columns."""
+
+RIDGES = (1e-2, 1e-1, 1.0)
 """Shares of the mean variance of inputs that ridges may be."""
+
+KEPT = (16, 64, 192)
+"""Numbers of principal components that may be kept."""
 
 MOVING = [*range(12), *range(15, 19)]
 """Input channels that change over a run."""
@@ -56,6 +64,7 @@ class Judged:
 
     clip: name. inputs: (T, P, CHANNELS). axes: (T, P, 3, 3). truth: (T, P, 3) m on these axes. smooth: (T, n,
     3) m of the refined mesh. sharp: (T, n, 3) m, see the module. finer: (T, n, 3) m, offset of a finer cage.
+    looks: of the true folds in the frames that are scored by them.
     """
 
     clip: str
@@ -65,6 +74,7 @@ class Judged:
     smooth: Tensor
     sharp: Tensor
     finer: Tensor
+    looks: FoldLooks
 
 
 Maker = Callable[[Judged], Tensor]
@@ -82,14 +92,16 @@ def judged(
     skinned = skin(garment.mesh.vertices, garment.smooth_weights, run.transforms)
     away = sheet.refined.at(carried - skinned)
     finer = carried_garment(garment, body, run.transforms.double(), run.fps, "fine")
+    smooth = sheet.refined.at(carried)
     return Judged(
         run.clip,
         inputs,
         axes,
         truth,
-        sheet.refined.at(carried),
+        smooth,
         away - filters.passes[0](away).float(),
         sheet.refined.at(finer - carried),
+        fold_looks(filters, smooth[SCORED].double(), sheet.at_vertices(offsets)[SCORED]),
     )
 
 
@@ -106,10 +118,9 @@ def score(sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged], make: Make
     wrong = changed = moved = error = size = 0.0
     for run in runs:
         made = make(run)
-        shown = slice(FIRST, None, EVERY)
-        real_world = in_world(sheet, run, run.truth)
-        made_world = in_world(sheet, run, made)
-        scores = fold_scores(filters, run.smooth[shown].double(), made_world[shown], real_world[shown])
+        looks = fold_looks(filters, run.smooth[SCORED].double(), in_world(sheet, run, made)[SCORED])
+        scores = fold_scores(filters, looks, run.looks)
+        scores |= {"made_mm2": looks.energies, "real_mm2": run.looks.energies}
         for name, values in scores.items():
             parts.setdefault(name, []).append(values)
         local = made if made.shape == run.truth.shape else texel_values(sheet, run, made)
@@ -201,8 +212,8 @@ def fit_global(inputs: Tensor, wrinkles: Tensor, kept: Sequence[int], ridge: flo
 
     def maker(k: int, each: Tensor) -> Maker:
         def make(run: Judged) -> Tensor:
-            seen_by = (run.inputs[:, some][..., MOVING] / scale).flatten(1) - middle
-            return (seen_by @ directions[:, :k] @ each + mean).view(len(run.inputs), texels, 3)
+            values = (run.inputs[:, some][..., MOVING] / scale).flatten(1) - middle
+            return (values @ directions[:, :k] @ each + mean).view(len(run.inputs), texels, 3)
 
         return make
 
@@ -245,32 +256,23 @@ class WrinklesBenchmark:
         body = load_body()
         garment = load_garment("tops", body)
         sheet = Sheet.of(garment, 128)
-        mesh = sheet.refined.mesh
-        filters = fold_filters(mesh.vertices, mesh.faces)
+        filters = fold_filters(sheet.refined.mesh.vertices, sheet.refined.mesh.faces)
         places = FineTexels(garment, sheet)
         console = Console()
-        splits = dict.fromkeys(("validation", self.split))
         held = {
             split: [
                 judged(path, garment, body, sheet, places, filters) for path in run_files([self.data], split)
             ]
-            for split in splits
+            for split in dict.fromkeys(("validation", self.split) if self.rivals else (self.split,))
         }
-        console.print("rows: " + ", ".join(f"{name} {len(each)} runs" for name, each in held.items()))
 
         def shown(name: str, make: Maker) -> None:
-            begun = perf_counter()
             scores = score(sheet, filters, held[self.split], make)
-            line = " | ".join(f"{value:.2f}" for value in scores.values())
-            console.print(f"| {name} | {line} |", soft_wrap=True)
-            del begun
+            console.print(
+                f"| {name} | " + " | ".join(f"{v:.2f}" for v in scores.values()) + " |", soft_wrap=True
+            )
 
-        console.print(
-            "| | "
-            + " | ".join(("40-80", "20-40", "10-20", "cosine", "signed", "places", "popping", "motion", "mm"))
-            + " |",
-            soft_wrap=True,
-        )
+        console.print(f"{self.split}: {len(held[self.split])} runs", f"| | {' | '.join(COLUMNS)} |", sep="\n")
         shown("truth on maps", lambda run: run.truth)
         shown("plain", lambda run: torch.zeros_like(run.truth))
         for folder in self.models:
@@ -278,75 +280,35 @@ class WrinklesBenchmark:
         if not self.rivals:
             return
         shown("finer cage", lambda run: run.finer)
+        strength = strength_of_sharpening(filters, held["validation"])
+        shown(f"sharpened x {strength:.1f}", lambda run: strength * run.sharp)
         frames, _ = load_frames(run_files([self.data], "train"), garment, body, sheet)
         console.print(f"{len(frames.inputs)} training frames")
-        table = frames.wrinkles
+        inputs, table = frames.inputs, frames.wrinkles
         generator = np.random.default_rng(0)
-        shown(
-            "table",
-            lambda run: (
-                table[
-                    torch.from_numpy(generator.integers(0, len(table) - len(run.truth)))
-                    + torch.arange(len(run.truth))
-                ].float()
-                if False
-                else table[int(generator.integers(0, len(table) - len(run.truth))) :][
-                    : len(run.truth)
-                ].float()
-            ),
-        )
+
+        def other_moment(run: Judged) -> Tensor:
+            return table[int(generator.integers(len(table) - len(run.truth))) :][: len(run.truth)].float()
+
+        def best(names: Sequence[str], makers: Sequence[Maker]) -> tuple[str, Maker]:
+            def signed(place: int) -> float:
+                return score(sheet, filters, held["validation"], makers[place])["signed"]
+
+            place = max(range(len(makers)), key=signed)
+            return names[place], makers[place]
+
+        shown("table", other_moment)
         shown("mean of each texel", lambda run: table.float().mean(0).expand_as(run.truth))
-        strength = self._strength(sheet, filters, held["validation"])
-        shown(f"sharpened x {strength:.1f}", lambda run: strength * run.sharp)
+        shown("pooled", fit_pooled(inputs, table, RIDGES[1]))
+        shown(*best([f"local {ridge:g}" for ridge in RIDGES], fit_local(inputs, table, RIDGES)))
+        shown(*best([f"global {count}" for count in KEPT], fit_global(inputs, table, KEPT, 1.0)))
 
-        def best(candidates: Sequence[tuple[str, Maker]]) -> tuple[str, Maker]:
-            return max(
-                candidates, key=lambda each: score(sheet, filters, held["validation"], each[1])["signed"]
-            )
 
-        shown(
-            *best(
-                [
-                    (f"pooled {ridge:g}", fit_pooled(frames.inputs, frames.wrinkles, ridge))
-                    for ridge in RIDGES[:2]
-                ]
-            )
-        )
-        shown(
-            *best(
-                [
-                    (f"local {r:g}", make)
-                    for r, make in zip(RIDGES, fit_local(frames.inputs, frames.wrinkles, RIDGES), strict=True)
-                ]
-            )
-        )
-        kept = (16, 64, 192)
-        shown(
-            *best(
-                [
-                    (f"global {k}", make)
-                    for k, make in zip(
-                        kept, fit_global(frames.inputs, frames.wrinkles, kept, 1.0), strict=True
-                    )
-                ]
-            )
-        )
-
-    def _strength(self, sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged]) -> float:
-        """Factor by which sharpening gives the waves of 20 to 80 mm their true size."""
-        scores = [
-            fold_scores(
-                filters,
-                r.smooth[FIRST::EVERY].double(),
-                r.sharp[FIRST::EVERY],
-                in_world(sheet, r, r.truth)[FIRST::EVERY],
-            )
-            for r in runs
-        ]
-        made, real = (
-            torch.cat([each[name] for each in scores])[:, :2].sum() for name in ("made_mm2", "real_mm2")
-        )
-        return float((real / made).sqrt())
+def strength_of_sharpening(filters: FoldFilters, runs: Sequence[Judged]) -> float:
+    """Factor by which sharpening gives the waves of 20 to 80 mm their true size."""
+    made = sum(float(band_energies(filters, run.sharp[SCORED])[:, :2].sum()) for run in runs)
+    real = sum(float(run.looks.energies[:, :2].sum()) for run in runs)
+    return float((real / made) ** 0.5)
 
 
 if __name__ == "__main__":

@@ -71,25 +71,43 @@ def correlation(one: Tensor, other: Tensor, areas: Tensor) -> Tensor:
     return torch.where(scale > 0.0, product / scale.clamp(min=1e-300), 0.0)
 
 
-def fold_scores(filters: FoldFilters, smooth: Tensor, made: Tensor, real: Tensor) -> dict[str, Tensor]:
-    """Scores of displacements made of (F, n, 3) m against the real ones, from smooth surfaces (F, n, 3) m.
+@dataclass(frozen=True)
+class FoldLooks:
+    """Looks of F frames of folds on a mesh of n vertices.
 
-    made_mm2, real_mm2: (F, bands), see `band_energies`. cosine: (F,) of normals. signed: (F,) correlation of
-    curvatures blurred by the first of BLURS; places: of the sizes of curvature, blurred by the second.
+    energies: (F, bands) mm2, see `band_energies`. normals: (F, n, 3) of the surface with its folds. signed:
+    (F, n) 1/m, curvature of the folds, blurred by the first of BLURS. sizes: (F, n) 1/m, its size, blurred by
+    the second.
+    """
+
+    energies: Tensor
+    normals: Tensor
+    signed: Tensor
+    sizes: Tensor
+
+
+def fold_looks(filters: FoldFilters, smooth: Tensor, displacements: Tensor) -> FoldLooks:
+    """The looks of displacements (F, n, 3) m from smooth surfaces (F, n, 3) m."""
+    curvature = fold_curvature(filters, smooth, displacements)[..., None]
+    fine, wide = filters.blurs
+    return FoldLooks(
+        band_energies(filters, displacements),
+        vertex_normals((smooth + displacements).float(), filters.surface.mesh.faces).double(),
+        fine(curvature)[..., 0],
+        wide(curvature.abs())[..., 0],
+    )
+
+
+def fold_scores(filters: FoldFilters, made: FoldLooks, real: FoldLooks) -> dict[str, Tensor]:
+    """Scores (F,) of folds against the real ones.
+
+    cosine: of normals. signed, places: correlations of signed curvature, and of where it is large.
     """
     areas = torch.from_numpy(filters.surface.areas)
-    faces = filters.surface.mesh.faces
-    normals = [vertex_normals((smooth + each).float(), faces).double() for each in (made, real)]
-    curvatures = [fold_curvature(filters, smooth, each) for each in (made, real)]
-    fine, wide = filters.blurs
-    blurred = [fine(each[..., None])[..., 0] for each in curvatures]
-    sizes = [wide(each.abs()[..., None])[..., 0] for each in curvatures]
     return {
-        "made_mm2": band_energies(filters, made),
-        "real_mm2": band_energies(filters, real),
-        "cosine": (normals[0] * normals[1]).sum(2) @ (areas / areas.sum()),
-        "signed": correlation(blurred[0], blurred[1], areas),
-        "places": correlation(sizes[0], sizes[1], areas),
+        "cosine": (made.normals * real.normals).sum(2) @ (areas / areas.sum()),
+        "signed": correlation(made.signed, real.signed, areas),
+        "places": correlation(made.sizes, real.sizes, areas),
     }
 
 

@@ -28,7 +28,10 @@ from .frames import TexelFrames, load_frames, run_files
 STATISTICS_STRIDE = 16
 """Every n-th frame enters the statistics."""
 
-VALIDATED = 3
+PADDED_AT_ONCE = 16
+"""Frames whose maps are padded at once."""
+
+VALIDATED = 4
 """Every n-th frame is validated, with the one before it."""
 
 JUDGED = (*range(12), 18)
@@ -47,6 +50,24 @@ class WrinkleLosses:
     """Weight of the error of the change from the frame before, over its deviation: against popping."""
     adversarial: Annotated[float, Between(0, 1e9)] = 0.0
     """Weight of a PatchGAN discriminator of inputs and displacements; 0: none."""
+
+
+@dataclass(frozen=True)
+class SheetFrames:
+    """Frames as maps, which padding across seams takes longer to make than a network to read.
+
+    inputs: (R, CHANNELS, H, W) half. wrinkles: (R, 3, H, W) half, m. later: (R,) bool, see TexelFrames.
+    """
+
+    inputs: Tensor
+    wrinkles: Tensor
+    later: Tensor
+
+    @classmethod
+    def of(cls, sheet: Sheet, frames: TexelFrames) -> "SheetFrames":
+        """The maps of frames."""
+        inputs = [input_maps(sheet, rows.float()).half() for rows in frames.inputs.split(PADDED_AT_ONCE)]
+        return cls(torch.cat(inputs), scatter_map(frames.wrinkles, sheet.texels), frames.later)
 
 
 class WrinkleObjective(Objective):
@@ -74,8 +95,10 @@ class WrinkleObjective(Objective):
                 raise InputError(
                     f"{folders}: has no run of the split {split}, see train.wrinkles.tracked_runs"
                 )
-        self.frames, people = load_frames(files["train"], garment, body, self.sheet)
-        self.held, others = load_frames(files["validation"], garment, body, self.sheet)
+        frames, people = load_frames(files["train"], garment, body, self.sheet)
+        self.frames = SheetFrames.of(self.sheet, frames)
+        frames, others = load_frames(files["validation"], garment, body, self.sheet)
+        self.held = SheetFrames.of(self.sheet, frames)
         if shared := {*people.values()} & {*others.values()}:
             raise InputError(f"person {min(shared)}: is in training and validation")
         self.data = TrainingData(
@@ -103,23 +126,22 @@ class WrinkleObjective(Objective):
 
     def networks(self) -> dict[str, nn.Module]:
         """The network, scaled to the training data, and the discriminator if there is one."""
-        net = WrinkleNet(self.config)
-        rows = self.frames.inputs[::STATISTICS_STRIDE].float()
-        net.input_shift.copy_(rows.mean((0, 1))[:, None, None])
-        net.input_scale.copy_(1.0 / rows.std((0, 1)).clamp(min=1e-4)[:, None, None])
+        net, pixels = WrinkleNet(self.config), self.sheet.texels.pixels
+        rows = self.frames.inputs[::STATISTICS_STRIDE].flatten(2)[..., pixels].float()
+        net.input_shift.copy_(rows.mean((0, 2))[:, None, None])
+        net.input_scale.copy_(1.0 / rows.std((0, 2)).clamp(min=1e-4)[:, None, None])
         # The mask says where cloth is.
         net.input_shift[-1], net.input_scale[-1] = 0.0, 1.0
-        wrinkles = self.frames.wrinkles[::STATISTICS_STRIDE].float()
-        net.output_scale.copy_(wrinkles.std((0, 1)).clamp(min=1e-5)[:, None, None])
+        wrinkles = self.frames.wrinkles[::STATISTICS_STRIDE].flatten(2)[..., pixels].float()
+        net.output_scale.copy_(wrinkles.std((0, 2)).clamp(min=1e-5)[:, None, None])
         if not self.weights.adversarial:
             return {"net": net}
         return {"net": net, "discriminator": PatchGAN(len(JUDGED) + 3, self.config.width)}
 
-    def maps(self, frames: TexelFrames, rows: Tensor) -> tuple[Tensor, Tensor]:
+    def maps(self, frames: "SheetFrames", rows: Tensor) -> tuple[Tensor, Tensor]:
         """Input maps (B, CHANNELS, H, W) and displacement maps (B, 3, H, W) of frames (B,)."""
-        inputs = input_maps(self.sheet, frames.inputs[rows].float())
-        wrinkles = scatter_map(frames.wrinkles[rows].float(), self.sheet.texels)
-        return inputs.to(self.device), wrinkles.to(self.device)
+        inputs, wrinkles = (maps[rows].float().to(self.device) for maps in (frames.inputs, frames.wrinkles))
+        return inputs.contiguous(memory_format=torch.channels_last), wrinkles
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
@@ -128,7 +150,7 @@ class WrinkleObjective(Objective):
         rows = torch.cat([rows, rows - 1]).cpu()
         inputs, wrinkles = self.maps(self.frames, rows)
         net = networks["net"]
-        predicted = net(inputs.contiguous(memory_format=torch.channels_last))
+        predicted = net(inputs)
         scale = net.output_scale
         made, real = predicted / scale * self.mask, wrinkles / scale
         parts = self.parts(made, real)
@@ -176,7 +198,7 @@ class WrinkleObjective(Objective):
         rows = torch.nonzero(self.held.later).flatten()[::VALIDATED]
         for some in rows.split(8):
             inputs, real = self.maps(self.held, torch.cat([some, some - 1]))
-            made = net(inputs.contiguous(memory_format=torch.channels_last)) * self.mask
+            made = net(inputs) * self.mask
 
             def slopes(maps: Tensor) -> Tensor:
                 return torch.cat(
