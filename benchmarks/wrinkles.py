@@ -26,7 +26,7 @@ from torch import Tensor
 
 from evaluate.folds import FoldFilters, FoldLooks, band_energies, fold_filters, fold_looks, fold_scores
 from train.wrinkles.frames import FineTexels, load_frames, run_files, run_frames
-from train.wrinkles.tracked_runs import carried_garment, load_run
+from train.wrinkles.tracked_runs import coarse_garment, load_run
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.loading import load_garment
@@ -88,11 +88,11 @@ def judged(
     run = load_run(path)
     offsets = places.offsets(run, path)
     inputs, truth, axes = run_frames(sheet, body, run, offsets)
-    carried = run.carried[2:]
+    coarse = run.coarse[2:]
     skinned = skin(garment.mesh.vertices, garment.smooth_weights, run.transforms)
-    away = sheet.refined.at(carried - skinned)
-    finer = carried_garment(garment, body, run.transforms.double(), run.fps, "fine")
-    smooth = sheet.refined.at(carried)
+    away = sheet.refined.at(coarse - skinned)
+    finer = coarse_garment(garment, body, run.transforms.double(), run.fps, "fine")
+    smooth = sheet.refined.at(coarse)
     return Judged(
         run.clip,
         inputs,
@@ -100,7 +100,7 @@ def judged(
         truth,
         smooth,
         away - filters.passes[0](away).float(),
-        sheet.refined.at(finer - carried),
+        sheet.refined.at(finer - coarse),
         fold_looks(filters, smooth[SCORED].double(), sheet.at_vertices(offsets)[SCORED]),
     )
 

@@ -58,10 +58,10 @@ def fine(garment: Garment) -> FineGarment:
 
 
 def test_the_fine_mesh_lies_on_the_garment_and_moves_with_it(garment: Garment, fine: FineGarment) -> None:
-    torch.testing.assert_close(fine.carried(garment.mesh.vertices), fine.rest, atol=1e-3, rtol=0.0)
+    torch.testing.assert_close(fine.at(garment.mesh.vertices), fine.rest, atol=1e-3, rtol=0.0)
     shift = torch.tensor([1.0, 2.0, 3.0])
-    displaced = fine.carried((garment.mesh.vertices + shift)[None])
-    torch.testing.assert_close(displaced[0], fine.carried(garment.mesh.vertices) + shift, atol=1e-4, rtol=0.0)
+    displaced = fine.at((garment.mesh.vertices + shift)[None])
+    torch.testing.assert_close(displaced[0], fine.at(garment.mesh.vertices) + shift, atol=1e-4, rtol=0.0)
 
 
 def test_fine_cloth_follows_the_garment_and_keeps_off_the_body(
@@ -69,16 +69,16 @@ def test_fine_cloth_follows_the_garment_and_keeps_off_the_body(
 ) -> None:
     clip = load_clip("walk", body).window(0, 4)
     transforms = clip.transforms()
-    carried = skin(garment.mesh.vertices, garment.smooth_weights, transforms)
+    coarse = skin(garment.mesh.vertices, garment.smooth_weights, transforms)
     settings = replace(Tracking(edge=EDGE), settle=4)
-    frames = [frame.vertices for frame in track(garment, fine, body, carried, transforms, clip.fps, settings)]
+    frames = [frame.vertices for frame in track(garment, fine, body, coarse, transforms, clip.fps, settings)]
     assert len(frames) == len(transforms)
-    away = (frames[-1] - fine.carried(carried[-1].double())).norm(dim=1)
+    away = (frames[-1] - fine.at(coarse[-1].double())).norm(dim=1)
     assert 1e-4 < float(away.mean()) < 0.012
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
     surface.update(posed_skin(body, transforms[-1:])[0])
     inside = surface.closest(frames[-1].float()).signed_distance < -0.002
     assert float(inside.float().mean()) < 0.01
     free = replace(settings, pull=0.01)
-    *_, last = track(garment, fine, body, carried, transforms, clip.fps, free)
+    *_, last = track(garment, fine, body, coarse, transforms, clip.fps, free)
     assert float((last.vertices - frames[-1]).norm(dim=1).mean()) > 1e-4

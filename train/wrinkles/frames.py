@@ -65,7 +65,7 @@ def run_frames(sheet: Sheet, body: Body, run: TrackedRun, offsets: Tensor) -> tu
 
     offsets: (T, P, 3) m in the world.
     """
-    points = run.carried[:, sheet.refined.kept]
+    points = run.coarse[:, sheet.refined.kept]
     skin = BodySurface(body.mesh.vertices, body.mesh.faces)
     posed = posed_skin(body, run.transforms)
     skin.update(posed[0])

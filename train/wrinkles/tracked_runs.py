@@ -42,7 +42,7 @@ from uvcloth.simulate.plan import interleaved
 from uvcloth.simulate.run import run_up
 from uvcloth.simulate.tracking import FineGarment, Tracking, track
 
-RUN_FORMAT = "uvcloth-tracked-run-1"
+RUN_FORMAT = "uvcloth-tracked-run-2"
 
 LED_IN = 8
 """Frames before the first that is kept, in which fine cloth forgets its start."""
@@ -52,7 +52,7 @@ FIELDS = {
     "fps": numbers(least=1.0, dtype=np.float64),
     "edge": numbers(least=1e-3, dtype=np.float64),
     "transforms": numbers("T", "J", 3, 4),
-    "carried": numbers("L", "N", 3),
+    "coarse": numbers("L", "N", 3),
     "offsets": numbers("T", "n", 3),
 }
 """Arrays of a run's file."""
@@ -63,7 +63,7 @@ class TrackedRun:
     """Fine cloth over a motion of T frames.
 
     garment, quality: of the cage. clip, subject: of the motion. mesh: fingerprint of the fine mesh. fps: of
-    the motion. edge: m, of the fine mesh. transforms: (T, J, 3, 4) of the body. carried: (T + 2, N, 3) m, the
+    the motion. edge: m, of the fine mesh. transforms: (T, J, 3, 4) of the body. coarse: (T + 2, N, 3) m, the
     garment on its cage, two frames earlier than the rest. offsets: (T, n, 3) m, of the fine cloth from the
     surface that the garment carries, in the world.
     """
@@ -76,7 +76,7 @@ class TrackedRun:
     fps: float
     edge: float
     transforms: Tensor
-    carried: Tensor
+    coarse: Tensor
     offsets: Tensor
 
     def __len__(self) -> int:
@@ -141,8 +141,8 @@ def load_run(path: Path) -> TrackedRun:
         path, load_arrays(path, RUN_FORMAT, "a run of tracking cloth made by this version"), FIELDS
     )
     texts = {name: str(data[name]) for name in ("garment", "quality", "clip", "subject", "mesh")}
-    tensors = {name: torch.from_numpy(data[name]).float() for name in ("transforms", "carried", "offsets")}
-    if len(tensors["carried"]) != len(tensors["offsets"]) + 2 or len(tensors["transforms"]) != len(
+    tensors = {name: torch.from_numpy(data[name]).float() for name in ("transforms", "coarse", "offsets")}
+    if len(tensors["coarse"]) != len(tensors["offsets"]) + 2 or len(tensors["transforms"]) != len(
         tensors["offsets"]
     ):
         raise InputError(f"{path}: its arrays are of different numbers of frames")
@@ -151,7 +151,7 @@ def load_run(path: Path) -> TrackedRun:
 
 
 @torch.no_grad()
-def carried_garment(garment: Garment, body: Body, transforms: Tensor, fps: float, quality: str) -> Tensor:
+def coarse_garment(garment: Garment, body: Body, transforms: Tensor, fps: float, quality: str) -> Tensor:
     """The garment (T, N, 3) m on its cage, over joints (T, J, 3, 4) float64."""
     method = Physics(PhysicsConfig(quality))
     frames = rollout(method, Outfit(body, (garment,)), transforms, fps, keep_going=True)
@@ -213,23 +213,23 @@ class TrackedRuns:
                 middle = entry.start + max(0, entry.frames - self.frames) // 2
                 motion, before = run_up(clip.window(0, entry.start + entry.frames), middle, self.frames)
                 transforms = motion.transforms(torch.float64)
-                carried = carried_garment(garment, body, transforms, motion.fps, self.quality)
+                coarse = coarse_garment(garment, body, transforms, motion.fps, self.quality)
                 begin, led = max(0, before - LED_IN), min(before, LED_IN)
                 begun, vertices = time.thread_time(), []
                 steps = track(
-                    garment, fine, body, carried[begin:], transforms[begin:].float(), motion.fps, tracking
+                    garment, fine, body, coarse[begin:], transforms[begin:].float(), motion.fps, tracking
                 )
-                for frame in shown(steps, entry.clip, len(carried) - begin, transient=True):
+                for frame in shown(steps, entry.clip, len(coarse) - begin, transient=True):
                     vertices.append(frame.vertices)
                 seconds = (time.thread_time() - begun) / len(vertices)
             except InputError as error:
                 console.print(f"{path}: {error}, it is left out")
                 continue
-            offsets = torch.stack(vertices) - fine.carried(carried[begin:].double())
+            offsets = torch.stack(vertices) - fine.at(coarse[begin:].double())
             if not torch.isfinite(offsets).all():
                 console.print(f"{path}: cloth has flown apart, it is left out")
                 continue
-            held = carried[begin + max(led - 2, 0) :]
+            held = coarse[begin + max(led - 2, 0) :]
             held = torch.cat([held[:1].expand(max(2 - led, 0), -1, -1), held])
             save_run(
                 TrackedRun(
@@ -241,7 +241,7 @@ class TrackedRuns:
                     fps=motion.fps,
                     edge=self.edge,
                     transforms=transforms[begin + led :].float(),
-                    carried=held,
+                    coarse=held,
                     offsets=offsets[led:],
                 ),
                 path,

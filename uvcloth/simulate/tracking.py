@@ -78,7 +78,7 @@ class FineGarment:
         even = kept_cage(refined.mesh.vertices, refined.mesh.faces, edge)
         return cls(refined, even.vertices, even.faces, even.corners, even.weights)
 
-    def carried(self, vertices: Tensor) -> Tensor:
+    def at(self, vertices: Tensor) -> Tensor:
         """Vertices (..., n, 3) m as the garment's smooth surface at (..., N, 3) m carries them."""
         return gather(self.refined.at(vertices), self.corners, self.weights)
 
@@ -113,7 +113,7 @@ def track(
     garment: Garment,
     fine: FineGarment,
     body: Body,
-    carried: Tensor,
+    coarse: Tensor,
     transforms: Tensor,
     fps: float,
     tracking: Tracking,
@@ -124,8 +124,8 @@ def track(
     solver cannot step and for a body that is too fast.
     """
     cloth = join(garment, body)
-    scene = make_scene([cloth], [carried], transforms, body, fps)
-    targets = fine.carried(carried.double()).numpy()
+    scene = make_scene([cloth], [coarse], transforms, body, fps)
+    targets = fine.at(coarse.double()).numpy()
     used, parts = compact(scene.collider_parts)
     bodies = scene.collider[:, used].numpy()
     place = KDTree(garment.mesh.vertices[cloth.kept].numpy()).query(fine.rest.numpy())[1]

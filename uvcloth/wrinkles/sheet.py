@@ -149,19 +149,19 @@ class Sheet:
         tensors: channels of entries 00, 11, 01; vectors: channels of u and v, which turn with the sheet.
         """
         flat = maps.flatten(-2)
-        moved = flat[..., self.padding.sources].clone()
+        filled = flat[..., self.padding.sources].clone()
         q = self.padding.turns
         for part in vectors:
-            turned = torch.einsum("gij,...jg->...ig", q, moved[..., part, :])
-            moved[..., part, :] = turned
+            turned = torch.einsum("gij,...jg->...ig", q, filled[..., part, :])
+            filled[..., part, :] = turned
         for part in tensors:
-            xx, yy, xy = moved[..., part, :].unbind(-2)
+            xx, yy, xy = filled[..., part, :].unbind(-2)
             matrix = torch.stack([torch.stack([xx, xy], -1), torch.stack([xy, yy], -1)], -2)
             turned = q @ matrix @ q.mT
-            moved[..., part, :] = torch.stack(
+            filled[..., part, :] = torch.stack(
                 [turned[..., 0, 0], turned[..., 1, 1], turned[..., 0, 1]], dim=-2
             )
-        return flat.index_copy(-1, self.padding.pixels, moved).view_as(maps)
+        return flat.index_copy(-1, self.padding.pixels, filled).view_as(maps)
 
 
 def right_angled(slopes: Tensor) -> Tensor:
