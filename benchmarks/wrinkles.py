@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Literal
 
 import numpy as np
 import torch
@@ -244,8 +244,8 @@ class WrinklesBenchmark:
     """Folder of runs."""
     models: tuple[Path, ...] = ()
     """Runs of `uvcloth train wrinkles`."""
-    split: Annotated[str, tyro.conf.arg(metavar="validation|test")] = "validation"
-    """Split that is scored; settings are chosen on validation."""
+    splits: tuple[Literal["validation", "test"], ...] = ("validation",)
+    """Splits that are scored; settings are chosen on validation."""
     rivals: bool = True
     """Fit the rivals, too."""
 
@@ -263,16 +263,17 @@ class WrinklesBenchmark:
             split: [
                 judged(path, garment, body, sheet, places, filters) for path in run_files([self.data], split)
             ]
-            for split in dict.fromkeys(("validation", self.split) if self.rivals else (self.split,))
+            for split in dict.fromkeys((*(("validation",) if self.rivals else ()), *self.splits))
         }
 
         def shown(name: str, make: Maker) -> None:
-            scores = score(sheet, filters, held[self.split], make)
-            console.print(
-                f"| {name} | " + " | ".join(f"{v:.2f}" for v in scores.values()) + " |", soft_wrap=True
-            )
+            for split in self.splits:
+                scores = score(sheet, filters, held[split], make)
+                figures = " | ".join(f"{value:.2f}" for value in scores.values())
+                console.print(f"| {split} | {name} | {figures} |", soft_wrap=True)
 
-        console.print(f"{self.split}: {len(held[self.split])} runs", f"| | {' | '.join(COLUMNS)} |", sep="\n")
+        console.print(", ".join(f"{split}: {len(held[split])} runs" for split in self.splits))
+        console.print(f"| | | {' | '.join(COLUMNS)} |", soft_wrap=True)
         shown("truth on maps", lambda run: run.truth)
         shown("plain", lambda run: torch.zeros_like(run.truth))
         for folder in self.models:

@@ -109,12 +109,3 @@ def fold_scores(filters: FoldFilters, made: FoldLooks, real: FoldLooks) -> dict[
         "signed": correlation(made.signed, real.signed, areas),
         "places": correlation(made.sizes, real.sizes, areas),
     }
-
-
-def popping(made: Tensor, real: Tensor) -> float:
-    """Error of the change of displacements (F, ..., 3) m from frame to frame over the true change.
-
-    The axes are those of the surface, so that it does not count as change that the body moves.
-    """
-    wrong, true = (made - real).diff(dim=0), real.diff(dim=0)
-    return float((wrong.double().square().sum() / true.double().square().sum().clamp(min=1e-30)).sqrt())
