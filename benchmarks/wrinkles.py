@@ -9,7 +9,8 @@ start.
 plain: the smooth surface. table: the true folds of another moment of training. sharpened: the cloth's offset
 from the skinned garment without its long waves, times a factor. pooled, local: ridge regression of the
 displacement on the inputs of the same texel, one for all texels, one for each. global: of all texels on
-principal components of all inputs. finer cage: the same motion on cages with edges of 30 mm.
+principal components of all inputs. NAME x GAIN: with the gain by which waves of 20 to 80 mm get their true
+size on validation. finer cage: the same motion on cages with edges of 30 mm.
 """
 
 import sys
@@ -225,13 +226,13 @@ def with_one(values: Tensor) -> Tensor:
     return torch.cat([values, torch.ones_like(values[..., :1])], dim=-1)
 
 
-def network(folder: Path, body: Body, sheet: Sheet, strength: float = 1.0) -> Maker:
-    """The maker of a trained network, times a strength."""
+def network(folder: Path, body: Body, sheet: Sheet) -> Maker:
+    """The maker of a trained network."""
     wrinkles = load_wrinkles(folder, body)
 
     def make(run: Judged) -> Tensor:
         maps = torch.cat([wrinkles.net(input_maps(sheet, rows)) for rows in run.inputs.split(8)])
-        return strength * maps.flatten(2)[:, :, sheet.texels.pixels].transpose(1, 2)
+        return maps.flatten(2)[:, :, sheet.texels.pixels].transpose(1, 2)
 
     return make
 
@@ -277,11 +278,14 @@ class WrinklesBenchmark:
         shown("truth on maps", lambda run: run.truth)
         shown("plain", lambda run: torch.zeros_like(run.truth))
         for folder in self.models:
-            shown(folder.name, network(folder, body, sheet))
+            make = network(folder, body, sheet)
+            shown(folder.name, make)
+            gain = gain_of(sheet, filters, held[self.splits[0]], make)
+            shown(f"{folder.name} x {gain:.2f}", lambda run, make=make, gain=gain: gain * make(run))
         if not self.rivals:
             return
         shown("finer cage", lambda run: run.finer)
-        strength = strength_of_sharpening(filters, held["validation"])
+        strength = gain_of(sheet, filters, held["validation"], lambda run: run.sharp)
         shown(f"sharpened x {strength:.1f}", lambda run: strength * run.sharp)
         frames, _ = load_frames(run_files([self.data], "train"), garment, body, sheet)
         console.print(f"{len(frames.inputs)} training frames")
@@ -305,9 +309,10 @@ class WrinklesBenchmark:
         shown(*best([f"global {count}" for count in KEPT], fit_global(inputs, table, KEPT, 1.0)))
 
 
-def strength_of_sharpening(filters: FoldFilters, runs: Sequence[Judged]) -> float:
-    """Factor by which sharpening gives the waves of 20 to 80 mm their true size."""
-    made = sum(float(band_energies(filters, run.sharp[SCORED])[:, :2].sum()) for run in runs)
+def gain_of(sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged], make: Maker) -> float:
+    """Factor by which the waves of 20 to 80 mm of what is made get their true size over runs."""
+    worlds = (in_world(sheet, run, make(run))[SCORED] for run in runs)
+    made = sum(float(band_energies(filters, world)[:, :2].sum()) for world in worlds)
     real = sum(float(run.looks.energies[:, :2].sum()) for run in runs)
     return float((real / made) ** 0.5)
 

@@ -10,9 +10,8 @@ from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.method import Method
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.registry import SHIPPED
 from uvcloth.rollout import JUMPED, RolloutFrame
-from uvcloth.wrinkles.model import METHOD, load_wrinkles
+from uvcloth.wrinkles.model import SHIPPED, load_wrinkles
 from uvcloth.wrinkles.outfit import WrinkledOutfit
 
 
@@ -65,10 +64,6 @@ def visible_outfit(command: Rollout, method: Method, proxied: ProxiedOutfit) -> 
         return VisibleOutfit(proxied)
     if not isinstance(method, Physics):
         raise InputError(f"--wrinkles: lie on what the cloth solver moves, not on {method.name}")
-    folder = command.wrinkles_from or SHIPPED / METHOD
-    if command.wrinkles_from is None and not folder.is_dir():
-        raise InputError(
-            "--wrinkles: no network ships; train one (uvcloth train wrinkles), name it with --wrinkles-from"
-        )
+    folder = command.wrinkles_from or SHIPPED
     wrinkles = load_wrinkles(folder, proxied.outfit.body)
     return VisibleOutfit(proxied, WrinkledOutfit(wrinkles, proxied.outfit, proxied.meshes, command.quality))

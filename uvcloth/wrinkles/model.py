@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,9 @@ from uvcloth.wrinkles.sheet import Sheet
 
 METHOD = "wrinkles"
 """Name in a checkpoint."""
+
+SHIPPED = Path(str(files("uvcloth"))) / "data" / "wrinkles"
+"""Folder of the trained network in the package."""
 
 
 @dataclass(frozen=True)
