@@ -275,8 +275,6 @@ class WrinklesBenchmark:
 
         console.print(", ".join(f"{split}: {len(held[split])} runs" for split in self.splits))
         console.print(f"| | | {' | '.join(COLUMNS)} |", soft_wrap=True)
-        shown("truth on maps", lambda run: run.truth)
-        shown("plain", lambda run: torch.zeros_like(run.truth))
         for folder in self.models:
             make = network(folder, body, sheet)
             shown(folder.name, make)
@@ -284,6 +282,8 @@ class WrinklesBenchmark:
             shown(f"{folder.name} x {gain:.2f}", lambda run, make=make, gain=gain: gain * make(run))
         if not self.rivals:
             return
+        shown("truth on maps", lambda run: run.truth)
+        shown("plain", lambda run: torch.zeros_like(run.truth))
         shown("finer cage", lambda run: run.finer)
         strength = gain_of(sheet, filters, held["validation"], lambda run: run.sharp)
         shown(f"sharpened x {strength:.1f}", lambda run: strength * run.sharp)

@@ -3,12 +3,11 @@
     python benchmarks/wrinkles_picture.py DATA RUN ... --out wrinkles.png
 
 Rows: tracking cloth, networks, the smooth surface of the cage; each is cleared from the skin. Columns: a
-moment of each run of the split, half of them from behind.
+moment of each run of the split, by default the one with the largest true folds, half of them from behind.
 """
 
 import sys
 from pathlib import Path
-from typing import Annotated
 
 import imageio.v3 as iio
 import numpy as np
@@ -38,7 +37,7 @@ def main(
     models: tyro.conf.Positional[tuple[Path, ...]],
     out: Path,
     split: str = "test",
-    frame: Annotated[int, tyro.conf.arg(help="Frame of each run.")] = 38,
+    at: int | None = None,
     size: tuple[int, int] = (300, 330),
 ) -> None:
     """Draw the picture."""
@@ -55,6 +54,7 @@ def main(
     for column, path in enumerate(run_files([data], split)):
         run = load_run(path)
         inputs, truth, axes = run_frames(sheet, body, run, places.offsets(run, path))
+        frame = int(truth.square().mean((1, 2)).argmax()) if at is None else at
         smooth = sheet.refined.at(run.coarse[frame + 2])
         maps = [net.net(input_maps(sheet, inputs[frame][None]))[0].flatten(1) for net in networks]
         local = [truth[frame], *(each[:, sheet.texels.pixels].T for each in maps)]
