@@ -103,6 +103,17 @@ def test_a_frame_depends_on_the_one_before_until_it_begins_again(wrinkles: Wrink
     torch.testing.assert_close(wrinkled.wrinkled(second, FPS, skin()), alone)
 
 
+def test_the_gain_multiplies_what_is_shown(wrinkles: Wrinkles) -> None:
+    vertices = strip(curvature=2.0).vertices
+    smooth = Refined.of(strip()).at(vertices)
+    more = Wrinkles(replace(CONFIG, gain=2.0), wrinkles.net)
+    once, twice = (
+        WrinkledGarment(each, garment(strip())).wrinkled(vertices, FPS, skin()) - smooth
+        for each in (wrinkles, more)
+    )
+    torch.testing.assert_close(twice, 2.0 * once, atol=1e-6, rtol=1e-3)
+
+
 def test_what_a_network_was_not_trained_for_is_named() -> None:
     wrinkles = Wrinkles.untrained(CONFIG)
     assert wrinkles.unsupported_reason(garment(strip()), "default") == ""

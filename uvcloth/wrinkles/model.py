@@ -87,7 +87,7 @@ class WrinkledGarment:
     def __init__(self, wrinkles: Wrinkles, garment: Garment) -> None:
         """Lay the garment out. Raises InputError as `Sheet.of` does."""
         self.sheet = Sheet.of(garment, wrinkles.config.size)
-        self._net = wrinkles.net
+        self._net, self._gain = wrinkles.net, wrinkles.config.gain
         self._past: Past | None = None
 
     @property
@@ -110,5 +110,5 @@ class WrinkledGarment:
         rows, axes, self._past = texel_inputs(self.sheet, points, past, fps, skin)
         maps = self._net(input_maps(self.sheet, rows)[None].contiguous(memory_format=torch.channels_last))
         local = maps[0].flatten(1)[:, self.sheet.texels.pixels].T
-        displacement = self.sheet.at_vertices((axes * local[:, None]).sum(-1))
+        displacement = self._gain * self.sheet.at_vertices((axes * local[:, None]).sum(-1))
         return self.sheet.refined.at(vertices) + displacement

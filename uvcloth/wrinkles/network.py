@@ -14,6 +14,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "size": (8, 1024),
     "width": (1, 256),
     "levels": (1, 6),
+    "gain": (0.0, 10.0),
     "reach": (0.0, 1e6),
 }
 """Least and greatest value of every number."""
@@ -31,6 +32,8 @@ class WrinkleConfig:
     """Times that maps are halved."""
     reach: float = 5.0
     """Limit of scaled inputs."""
+    gain: float = 1.0
+    """Factor on displacements when they are shown: a network that is not sure makes weak folds."""
     quality: str = "default"
     """Quality of the cage whose wrinkles it makes."""
     garments: tuple[str, ...] = ("tops",)
