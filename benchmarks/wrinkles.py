@@ -264,7 +264,7 @@ class WrinklesBenchmark:
             split: [
                 judged(path, garment, body, sheet, places, filters) for path in run_files([self.data], split)
             ]
-            for split in dict.fromkeys((*(("validation",) if self.rivals else ()), *self.splits))
+            for split in dict.fromkeys(("validation", *self.splits))
         }
 
         def shown(name: str, make: Maker) -> None:
@@ -278,8 +278,8 @@ class WrinklesBenchmark:
         for folder in self.models:
             make = network(folder, body, sheet)
             shown(folder.name, make)
-            gain = gain_of(sheet, filters, held[self.splits[0]], make)
-            shown(f"{folder.name} x {gain:.2f}", lambda run, make=make, gain=gain: gain * make(run))
+            gain = gain_of(sheet, filters, held["validation"], make)
+            shown(f"{folder.name} x {gain:.2f}", multiplied(gain, make))
         if not self.rivals:
             return
         shown("truth on maps", lambda run: run.truth)
@@ -307,6 +307,11 @@ class WrinklesBenchmark:
         shown("pooled", fit_pooled(inputs, table, RIDGES[1]))
         shown(*best([f"local {ridge:g}" for ridge in RIDGES], fit_local(inputs, table, RIDGES)))
         shown(*best([f"global {count}" for count in KEPT], fit_global(inputs, table, KEPT, 1.0)))
+
+
+def multiplied(gain: float, make: Maker) -> Maker:
+    """What is made, times a gain."""
+    return lambda run: gain * make(run)
 
 
 def gain_of(sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged], make: Maker) -> float:
