@@ -11,6 +11,7 @@ from tests.wrinkles.strip import garment, strip
 from uvcloth.checkpoint import TrainingData, load_checkpoint, save_checkpoint
 from uvcloth.errors import InputError
 from uvcloth.garments.refined import Refined
+from uvcloth.physics.fabric import FABRICS
 from uvcloth.physics.surface import BodySurface
 from uvcloth.wrinkles.inputs import CHANNELS
 from uvcloth.wrinkles.model import WrinkledGarment, Wrinkles, load_wrinkles, wrinkles_checkpoint
@@ -118,6 +119,8 @@ def test_what_a_network_was_not_trained_for_is_named() -> None:
     wrinkles = Wrinkles.untrained(CONFIG)
     assert wrinkles.unsupported_reason(garment(strip()), "default") == ""
     assert "trained for --quality default, not fast" in wrinkles.unsupported_reason(garment(strip()), "fast")
+    silk = replace(garment(strip()), fabric=FABRICS["silk"])
+    assert "trained for jersey, not for another fabric" in wrinkles.unsupported_reason(silk, "default")
     other = garment(strip(), "dress")
     assert "garment dress: wrinkles are trained for tops, not dress" in wrinkles.unsupported_reason(
         other, "default"

@@ -14,6 +14,7 @@ from uvcloth.checkpoint import Checkpoint, TrainingData, body_record, load_check
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.physics.fabric import JERSEY
 from uvcloth.physics.surface import BodySurface
 from uvcloth.wrinkles.inputs import Past, first_past, input_maps, texel_inputs
 from uvcloth.wrinkles.network import WrinkleConfig, WrinkleNet
@@ -45,6 +46,8 @@ class Wrinkles:
                 f"garment {garment.name}: wrinkles are trained for --quality {self.config.quality}, "
                 f"not {quality}"
             )
+        if garment.fabric != JERSEY:
+            return f"garment {garment.name}: wrinkles are trained for jersey, not for another fabric"
         if garment.template not in self.config.garments:
             kind = garment.template or "a garment without template"
             return (
