@@ -150,33 +150,31 @@ class Sheet:
         """
         flat = maps.flatten(-2)
         filled = flat[..., self.padding.sources].clone()
-        q = self.padding.turns
+        (xx, xy), (yx, yy) = ((row[:, 0], row[:, 1]) for row in self.padding.turns.unbind(1))
         for part in vectors:
-            turned = torch.einsum("gij,...jg->...ig", q, filled[..., part, :])
-            filled[..., part, :] = turned
+            u, v = filled[..., part, :].unbind(-2)
+            filled[..., part, :] = torch.stack([xx * u + xy * v, yx * u + yy * v], dim=-2)
         for part in tensors:
-            xx, yy, xy = filled[..., part, :].unbind(-2)
-            matrix = torch.stack([torch.stack([xx, xy], -1), torch.stack([xy, yy], -1)], -2)
-            turned = q @ matrix @ q.mT
+            uu, vv, uv = filled[..., part, :].unbind(-2)
             filled[..., part, :] = torch.stack(
-                [turned[..., 0, 0], turned[..., 1, 1], turned[..., 0, 1]], dim=-2
+                [
+                    xx * xx * uu + xy * xy * vv + 2.0 * xx * xy * uv,
+                    yx * yx * uu + yy * yy * vv + 2.0 * yx * yy * uv,
+                    xx * yx * uu + xy * yy * vv + (xx * yy + xy * yx) * uv,
+                ],
+                dim=-2,
             )
         return flat.index_copy(-1, self.padding.pixels, filled).view_as(maps)
 
 
 def right_angled(slopes: Tensor) -> Tensor:
     """Right-angled unit columns that are nearest to (..., 3, 2): F (F^T F)^(-1/2)."""
-    metric = slopes.mT @ slopes
-    a, b, c = metric[..., 0, 0], metric[..., 0, 1], metric[..., 1, 1]
-    root = (a * c - b * b).clamp(min=1e-12).sqrt()
-    trace = (a + c + 2.0 * root).clamp(min=1e-12).sqrt()
+    u, v = slopes.unbind(-1)
+    a, b, c = ((one * other).sum(-1, keepdim=True) for one, other in ((u, u), (u, v), (v, v)))
     # The root of a symmetric 2 x 2 matrix M is (M + root(det M)) / root(tr M + 2 root(det M)).
-    scale = 1.0 / (root * trace)
-    inverse = (
-        torch.stack([torch.stack([c + root, -b], -1), torch.stack([-b, a + root], -1)], -2)
-        * scale[..., None, None]
-    )
-    return slopes @ inverse
+    root = (a * c - b * b).clamp(min=1e-12).sqrt()
+    scale = 1.0 / (root * (a + c + 2.0 * root).clamp(min=1e-12).sqrt())
+    return torch.stack([(u * (c + root) - v * b) * scale, (v * (a + root) - u * b) * scale], dim=-1)
 
 
 def _rest_axes(joined: WeldedMesh, mesh: Mesh) -> tuple[Tensor, Tensor]:
