@@ -10,6 +10,7 @@ TRAINERS = {
     "recurrent": ".recurrent.run:ENTRY",
     "pbns": ".pbns.run:ENTRY",
     "deepsd": ".deepsd.run:ENTRY",
+    "wrinkles": ".wrinkles.run:ENTRY",
 }
 """Every trainer by the name of its method: where its entry is, "module:NAME"."""
 

@@ -29,6 +29,8 @@ from uvcloth.methods.pbns.network import PBNSConfig
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.method import PhysXNet, physxnet_checkpoint
 from uvcloth.methods.registry import load_method
+from uvcloth.wrinkles.model import Wrinkles, load_wrinkles, wrinkles_checkpoint
+from uvcloth.wrinkles.network import WrinkleConfig
 
 DATA = TrainingData({"walk_tops.npz": "abc"}, {"train": {"walk": "ann"}, "validation": {"run": ""}})
 
@@ -95,6 +97,11 @@ def deepsd() -> Checkpoint:
     return deepsd_checkpoint(method, small_body(), DATA, {})
 
 
+def wrinkles() -> Checkpoint:
+    config = WrinkleConfig(size=8, width=2, levels=2)
+    return wrinkles_checkpoint(Wrinkles.untrained(config), small_body(), DATA, {})
+
+
 def check_method(method: Any) -> None:
     networks = [value for value in vars(method).values() if isinstance(value, nn.Module)]
     require(networks, "no network")
@@ -121,4 +128,5 @@ TARGETS = [
     Target("motion_guided", saved(motion_guided), load, check_method),
     Target("pbns", saved(pbns), load, check_method),
     Target("deepsd", saved(deepsd), load, check_method),
+    Target("wrinkles", saved(wrinkles), lambda path: load_wrinkles(path, small_body()), check_method),
 ]

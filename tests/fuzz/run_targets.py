@@ -16,6 +16,7 @@ from tests.fuzz.target import Target, require, require_numbers
 from tests.simulate.test_unfinished import Falling, StopError, some_scene
 from tests.small_body import small_body
 from train.state import Progressed, State, load_state, save_state
+from train.wrinkles.tracked_runs import TrackedRun, load_run, save_run
 from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation, load_animation, write_npz
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
@@ -140,9 +141,35 @@ def check_gone_on(frames: SimulatedFrames) -> None:
     require(np.isfinite(frames.seconds) and frames.seconds >= 0, "time")
 
 
+def good_tracked_run(folder: Path) -> Path:
+    """Tracking cloth of five vertices over a garment of eight."""
+    run = TrackedRun(
+        garment="tops",
+        quality="default",
+        clip="walk",
+        subject="ann",
+        mesh="0" * 64,
+        fps=30.0,
+        edge=0.009,
+        transforms=torch.eye(3, 4).expand(FRAMES, 2, 3, 4).clone(),
+        coarse=torch.zeros(FRAMES + 2, 8, 3),
+        offsets=torch.full((FRAMES, 5, 3), 0.01),
+    )
+    save_run(run, folder / "walk.npz")
+    return folder / "walk.npz"
+
+
+def check_tracked_run(run: TrackedRun) -> None:
+    require_numbers(run.transforms, (len(run), -1, 3, 4), "transforms")
+    require_numbers(run.coarse, (len(run) + 2, -1, 3), "coarse cloth")
+    require_numbers(run.offsets, (len(run), -1, 3), "offsets")
+    require(run.fps >= 1.0 and run.edge > 0.0, "frames per second, or edges")
+
+
 TARGETS = [
     Target("animation", good_animation, load_animation, check_animation),
     Target("training_state", good_state, resumed, check_state),
     Target("kept", good_kept, lambda path: kept_arrays(path, "uvcloth-prepared-2", "a file"), check_kept),
     Target("unfinished", good_unfinished, gone_on, check_gone_on),
+    Target("tracked run", good_tracked_run, load_run, check_tracked_run),
 ]

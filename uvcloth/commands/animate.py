@@ -16,6 +16,7 @@ from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.visible import visible_body
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.summary import Summary, Totals
+from uvcloth.commands.visible import visible_outfit
 from uvcloth.commands.worn import load_wanted_method, load_worn
 from uvcloth.errors import InputError
 from uvcloth.export.pictures import SHEETS, sheet_interval
@@ -71,25 +72,25 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
             method, outfit, load_clip(command.motion, body, command.options), clear, loop=command.loop
         )
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
-        meshes = proxied.named()
-        exposure = Exposure(body, proxied.meshes)
-        through = ClothExposure(body, proxied.meshes) if len(meshes) > 1 else None
+        visible = visible_outfit(command, method, proxied)
+        exposure = Exposure(body, visible.meshes)
+        through = ClothExposure(body, visible.meshes) if len(visible.meshes) > 1 else None
         shown = visible_body(body)
-        hidden = HiddenSkin(shown, proxied.meshes, proxied.hides(shown)) if command.hide_skin else None
+        hidden = HiddenSkin(shown, visible.meshes, proxied.hides(shown)) if command.hide_skin else None
     every = _interval(out, len(clip)) if command.preview else 1
     fps = clip.fps / every
-    sizes = [announce(path, len(transforms[::every]), proxied.meshes, shown) for path in out]
-    for line in filter(None, (choice, *ready.lines, *sizes)):
+    sizes = [announce(path, len(transforms[::every]), visible.meshes, shown) for path in out]
+    for line in filter(None, (choice, *ready.lines, *visible.lines, *sizes)):
         report(line)
     if audience:
-        audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
+        audience.begin(clip.name, body, visible.meshes, len(transforms[::every]), fps)
     totals, start = Totals(several=through is not None), perf_counter()
     with ExitStack() as stack:
         writers = [
             stack.enter_context(
                 open_writer(
                     path,
-                    meshes,
+                    visible.named(),
                     body,
                     fps,
                     transforms[::every].float(),
@@ -103,7 +104,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
         task = progress.add_task(clip.name, total=len(transforms[::every]), rate="")
         broken: BrokenRolloutError | None = None
         try:
-            for frame in ready.frames(place, every, command.keep_going):
+            for frame in visible.frames(ready.frames(place, every, command.keep_going), fps):
                 placed = frame.in_world()
                 if audience:
                     audience.add(placed)

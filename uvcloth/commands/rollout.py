@@ -10,6 +10,7 @@ from tyro.conf import arg
 from uvcloth.commands.options import (
     DEVICE,
     EXTRAS,
+    FOLDER,
     MOTION,
     BodyFile,
     Dynamics,
@@ -72,6 +73,15 @@ class Rollout:
         ),
     ] = None
     quality: Quality = "default"
+    wrinkles: bool = False
+    """Add wrinkles that the solver's faces are too large for, on finer meshes, to garments that a network was
+    trained on."""
+    wrinkles_from: Annotated[
+        Path | None,
+        arg(metavar="RUN", help_behavior_hint="(default: the network in the package)"),
+        FOLDER,
+    ] = None
+    """Folder of `uvcloth train wrinkles` whose network makes the wrinkles."""
     template: Annotated[
         tuple[TemplateName | Literal["auto"], ...],
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
@@ -129,6 +139,10 @@ class Rollout:
             raise InputError("rollout: name at least one garment and one file to write, or --view")
         if self.loop and self.preview:
             raise InputError("--loop: --preview leaves out frames that a loop needs, choose one of the two")
+        if self.wrinkles_from and not self.wrinkles:
+            raise InputError("--wrinkles-from: goes with --wrinkles")
+        if self.wrinkles and self.loop:
+            raise InputError("--wrinkles: cannot be closed into a loop yet, leave out --loop")
         from uvcloth.commands.animate import animate
         from uvcloth.commands.threads import limited_threads
 

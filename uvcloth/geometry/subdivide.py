@@ -81,6 +81,48 @@ def loop_subdivision(points: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
     return torch.cat([corners, middles]), split
 
 
+def loop_matrix(faces: Tensor, count: int) -> Tensor:
+    """`loop_subdivision` of faces (F, 3) as a product, for all poses of P points: sparse (P + E, P).
+
+    Vertices are numbered as there.
+    """
+    ends = torch.stack([faces, faces.roll(-1, 1)], dim=2).reshape(-1, 2).sort(dim=1).values
+    keys, edge_of = torch.unique(ends[:, 1] * count + ends[:, 0], return_inverse=True)
+    edges = torch.stack([keys % count, keys // count], dim=1)
+    inner = torch.bincount(edge_of) == 2
+    numbers = torch.arange(len(edges))
+    opposite = faces.roll(1, 1).flatten()
+    inside = inner[edge_of]
+    rim = torch.zeros(count, dtype=torch.bool)
+    rim[edges[~inner]] = True
+    valence = torch.bincount(edges.flatten(), minlength=count).float()
+    turn = 2.0 * math.pi / valence.clamp(min=1)
+    share = (40.0 - (2.0 * turn.cos() + 3.0) ** 2) / (64.0 * valence.clamp(min=1))
+    share[rim] = 0.125
+    corners = torch.arange(count)
+    # A vertex on the rim follows those beside it on the rim alone, also where a face has two edges there.
+    along_rim = torch.cat([~inner, ~inner])
+    follows = torch.cat([edges, edges.flip(1)])
+    follows = follows[~rim[follows[:, 0]] | along_rim]
+    rows = torch.cat(
+        [count + numbers, count + numbers, count + edge_of[inside], follows[:, 0], corners],
+    )
+    columns = torch.cat([edges[:, 0], edges[:, 1], opposite[inside], follows[:, 1], corners])
+    near = torch.where(inner, 0.375, 0.5)
+    values = torch.cat(
+        [
+            near,
+            near,
+            torch.full((int(inside.sum()),), 0.125),
+            share[follows[:, 0]],
+            torch.where(rim, 0.75, 1.0 - valence * share),
+        ]
+    )
+    shape = (count + len(edges), count)
+    matrix = torch.sparse_coo_tensor(torch.stack([rows, columns]), values, shape, check_invariants=False)
+    return matrix.coalesce().to_sparse_csr()
+
+
 def _first_split(split: Tensor) -> Tensor:
     """Edge (F,) of each face from which on its halved edges (F, 3) bool follow one another."""
     after_whole = split & ~split.roll(1, 1)

@@ -1,0 +1,326 @@
+"""Wrinkles beside what rivals make of the same smooth surface, against fine cloth that tracks it.
+
+    python benchmarks/wrinkles.py DATA --models RUN ...
+
+DATA: made by `train.wrinkles.tracked_runs`. Rivals are fitted to its training runs, and their settings are
+chosen on validation. Scores: those of `evaluate.folds`, on frames that are FIRST or more from their run's
+start.
+
+plain: the smooth surface. table: the true folds of another moment of training. sharpened: the cloth's offset
+from the skinned garment without its long waves, times a factor. pooled, local: ridge regression of the
+displacement on the inputs of the same texel, one for all texels, one for each. global: of all texels on
+principal components of all inputs. NAME x GAIN: with the gain by which waves of 20 to 80 mm get their true
+size on validation. finer cage: the same motion on cages with edges of 30 mm.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+import tyro
+from rich.console import Console
+from torch import Tensor
+
+from evaluate.folds import FoldFilters, FoldLooks, band_energies, fold_filters, fold_looks, fold_scores
+from train.wrinkles.frames import FineTexels, load_frames, run_files, run_frames
+from train.wrinkles.tracked_runs import coarse_garment, load_run
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.garment import Garment
+from uvcloth.garments.loading import load_garment
+from uvcloth.geometry.skinning import skin
+from uvcloth.process.command import run_command
+from uvcloth.wrinkles.inputs import input_maps
+from uvcloth.wrinkles.model import load_wrinkles
+from uvcloth.wrinkles.sheet import Sheet
+
+FIRST = 15
+"""Frames of a run that are not scored: a finer cage starts from rest in its first pose."""
+
+EVERY = 9
+"""One of so many frames is scored by its shape; all of them by their change."""
+
+SCORED = slice(FIRST, None, EVERY)
+"""Frames of a run that are scored by their shape."""
+
+COLUMNS = ("40-80", "20-40", "10-20", "cosine", "signed", "places", "popping", "motion", "mm")
+"""Heads of the table's columns."""
+
+RIDGES = (1e-2, 1e-1, 1.0)
+"""Shares of the mean variance of inputs that ridges may be."""
+
+KEPT = (16, 64, 192)
+"""Numbers of principal components that may be kept."""
+
+MOVING = [*range(12), *range(15, 19)]
+"""Input channels that change over a run."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A run with what is needed to judge displacements on it.
+
+    clip: name. inputs: (T, P, CHANNELS). axes: (T, P, 3, 3). truth: (T, P, 3) m on these axes. smooth: (T, n,
+    3) m of the refined mesh. sharp: (T, n, 3) m, see the module. finer: (T, n, 3) m, offset of a finer cage.
+    looks: of the true folds in the frames that are scored by them.
+    """
+
+    clip: str
+    inputs: Tensor
+    axes: Tensor
+    truth: Tensor
+    smooth: Tensor
+    sharp: Tensor
+    finer: Tensor
+    looks: FoldLooks
+
+
+Maker = Callable[[Judged], Tensor]
+"""Displacements (T, P, 3) m on the axes of texels, or (T, n, 3) m of the refined mesh in the world."""
+
+
+def judged(
+    path: Path, garment: Garment, body: Body, sheet: Sheet, places: FineTexels, filters: FoldFilters
+) -> Judged:
+    """Read a run, and make what rivals need of it."""
+    run = load_run(path)
+    offsets = places.offsets(run, path)
+    inputs, truth, axes = run_frames(sheet, body, run, offsets)
+    coarse = run.coarse[2:]
+    skinned = skin(garment.mesh.vertices, garment.smooth_weights, run.transforms)
+    away = sheet.refined.at(coarse - skinned)
+    finer = coarse_garment(garment, body, run.transforms.double(), run.fps, "fine")
+    smooth = sheet.refined.at(coarse)
+    return Judged(
+        run.clip,
+        inputs,
+        axes,
+        truth,
+        smooth,
+        away - filters.passes[0](away).float(),
+        sheet.refined.at(finer - coarse),
+        fold_looks(filters, smooth[SCORED].double(), sheet.at_vertices(offsets)[SCORED]),
+    )
+
+
+def in_world(sheet: Sheet, run: Judged, made: Tensor) -> Tensor:
+    """Displacements (T, n, 3) m of the refined mesh in the world, of those at texels on their axes."""
+    if made.shape[1] != len(sheet.texels):
+        return made
+    return sheet.at_vertices((run.axes * made[:, :, None]).sum(-1))
+
+
+def score(sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged], make: Maker) -> dict[str, float]:
+    """Scores of a maker over runs."""
+    parts: dict[str, list[Tensor]] = {}
+    wrong = changed = moved = error = size = 0.0
+    for run in runs:
+        made = make(run)
+        looks = fold_looks(filters, run.smooth[SCORED].double(), in_world(sheet, run, made)[SCORED])
+        scores = fold_scores(filters, looks, run.looks)
+        scores |= {"made_mm2": looks.energies, "real_mm2": run.looks.energies}
+        for name, values in scores.items():
+            parts.setdefault(name, []).append(values)
+        local = made if made.shape == run.truth.shape else texel_values(sheet, run, made)
+        change, true = local[FIRST:].diff(dim=0), run.truth[FIRST:].diff(dim=0)
+        wrong += float((change - true).double().square().sum())
+        moved += float(change.double().square().sum())
+        changed += float(true.double().square().sum())
+        error += float((local - run.truth)[FIRST:].double().norm(dim=2).mean()) * 1000.0
+        size += 1
+    all_of = {name: torch.cat(values) for name, values in parts.items()}
+    ratio = (all_of["made_mm2"].mean(0) / all_of["real_mm2"].mean(0)).sqrt()
+    return {
+        "40-80": float(ratio[0]),
+        "20-40": float(ratio[1]),
+        "10-20": float(ratio[2]),
+        "cosine": float(all_of["cosine"].mean()),
+        "signed": float(all_of["signed"].mean()),
+        "places": float(all_of["places"].mean()),
+        "popping": (wrong / changed) ** 0.5,
+        "motion": (moved / changed) ** 0.5,
+        "mm": error / size,
+    }
+
+
+def texel_values(sheet: Sheet, run: Judged, made: Tensor) -> Tensor:
+    """Displacements (T, P, 3) m at texels on their axes, of those (T, n, 3) of the refined mesh."""
+    # Vertices of the garment come first in its refined mesh.
+    world = sheet.at_texels(made[:, : len(sheet.mesh.points)].float())
+    return (run.axes * world[..., None]).sum(-2)
+
+
+def fit_pooled(inputs: Tensor, wrinkles: Tensor, ridge: float) -> Maker:
+    """One ridge regression for all texels, with their mean displacement. inputs: (R, P, C) half."""
+    count = len(inputs)
+    mean = wrinkles.float().mean(0)
+    scale = inputs[::16].float().std((0, 1)).clamp(min=1e-4)
+    gram, cross = torch.zeros(len(MOVING) + 1, len(MOVING) + 1), torch.zeros(len(MOVING) + 1, 3)
+    for rows in torch.arange(0, count, 4).split(32):
+        x = with_one(inputs[rows].float()[..., MOVING] / scale[MOVING]).flatten(0, 1)
+        gram += x.T @ x / len(x)
+        cross += x.T @ (wrinkles[rows].float() - mean).flatten(0, 1) / len(x)
+    solved = torch.linalg.solve(gram + ridge * torch.eye(len(gram)), cross)
+    return lambda run: with_one(run.inputs[..., MOVING] / scale[MOVING]) @ solved + mean
+
+
+def fit_local(inputs: Tensor, wrinkles: Tensor, ridges: Sequence[float]) -> list[Maker]:
+    """A ridge regression for each texel, on the inputs there, for each of the ridges."""
+    scale = inputs[::16].float().std((0, 1)).clamp(min=1e-4)[MOVING]
+    size = len(MOVING) + 1
+    solved: list[list[Tensor]] = [[] for _ in ridges]
+    for texels in torch.arange(inputs.shape[1]).split(512):
+        x = with_one(inputs[:, texels].float()[..., MOVING] / scale).transpose(0, 1)
+        y = wrinkles[:, texels].float().transpose(0, 1)
+        gram, cross = x.mT @ x / len(inputs), x.mT @ y / len(inputs)
+        free = torch.eye(size)
+        free[-1, -1] = 1e-6
+        for ridge, parts in zip(ridges, solved, strict=True):
+            parts.append(torch.linalg.solve(gram + ridge * free, cross))
+    weights = [torch.cat(parts) for parts in solved]
+
+    def maker(each: Tensor) -> Maker:
+        return lambda run: torch.einsum("tpc,pcd->tpd", with_one(run.inputs[..., MOVING] / scale), each)
+
+    return [maker(each) for each in weights]
+
+
+def fit_global(inputs: Tensor, wrinkles: Tensor, kept: Sequence[int], ridge: float) -> list[Maker]:
+    """Ridge regressions of all displacements on the first principal components of all inputs."""
+    count, texels, _ = inputs.shape
+    some = torch.arange(0, texels, 5)
+    scale = inputs[::16].float().std((0, 1)).clamp(min=1e-4)[MOVING]
+    x = (inputs[:, some].float()[..., MOVING] / scale).flatten(1)
+    middle = x.mean(0)
+    x -= middle
+    values, vectors = torch.linalg.eigh(x @ x.T)
+    most = max(kept)
+    lengths = values[-most:].flip(0).clamp(min=1e-6).sqrt()
+    scores = vectors[:, -most:].flip(1) * lengths
+    directions = (x.T @ vectors[:, -most:].flip(1)) / lengths
+    y = wrinkles.float().flatten(1)
+    mean = y.mean(0)
+    weights = [
+        torch.linalg.solve(
+            scores[:, :k].T @ scores[:, :k] + ridge * lengths[0] ** 2 / count * torch.eye(k),
+            scores[:, :k].T @ (y - mean),
+        )
+        for k in kept
+    ]
+
+    def maker(k: int, each: Tensor) -> Maker:
+        def make(run: Judged) -> Tensor:
+            values = (run.inputs[:, some][..., MOVING] / scale).flatten(1) - middle
+            return (values @ directions[:, :k] @ each + mean).view(len(run.inputs), texels, 3)
+
+        return make
+
+    return [maker(k, each) for k, each in zip(kept, weights, strict=True)]
+
+
+def with_one(values: Tensor) -> Tensor:
+    """Values (..., C + 1) with a channel of ones."""
+    return torch.cat([values, torch.ones_like(values[..., :1])], dim=-1)
+
+
+def network(folder: Path, body: Body, sheet: Sheet) -> Maker:
+    """The maker of a trained network."""
+    wrinkles = load_wrinkles(folder, body)
+
+    def make(run: Judged) -> Tensor:
+        maps = torch.cat([wrinkles.net(input_maps(sheet, rows)) for rows in run.inputs.split(8)])
+        return maps.flatten(2)[:, :, sheet.texels.pixels].transpose(1, 2)
+
+    return make
+
+
+@dataclass(frozen=True)
+class WrinklesBenchmark:
+    """Judge wrinkles and their rivals."""
+
+    data: tyro.conf.Positional[Path]
+    """Folder of runs."""
+    models: tuple[Path, ...] = ()
+    """Runs of `uvcloth train wrinkles`."""
+    splits: tuple[Literal["validation", "test"], ...] = ("validation",)
+    """Splits that are scored; settings are chosen on validation."""
+    rivals: bool = True
+    """Fit the rivals, too."""
+
+    @torch.no_grad()
+    def run(self) -> None:
+        """Print the table."""
+        torch.set_num_threads(1)
+        body = load_body()
+        garment = load_garment("tops", body)
+        sheet = Sheet.of(garment, 128)
+        filters = fold_filters(sheet.refined.mesh.vertices, sheet.refined.mesh.faces)
+        places = FineTexels(garment, sheet)
+        console = Console()
+        held = {
+            split: [
+                judged(path, garment, body, sheet, places, filters) for path in run_files([self.data], split)
+            ]
+            for split in dict.fromkeys(("validation", *self.splits))
+        }
+
+        def shown(name: str, make: Maker) -> None:
+            for split in self.splits:
+                scores = score(sheet, filters, held[split], make)
+                figures = " | ".join(f"{value:.2f}" for value in scores.values())
+                console.print(f"| {split} | {name} | {figures} |", soft_wrap=True)
+
+        console.print(", ".join(f"{split}: {len(held[split])} runs" for split in self.splits))
+        console.print(f"| | | {' | '.join(COLUMNS)} |", soft_wrap=True)
+        for folder in self.models:
+            make = network(folder, body, sheet)
+            shown(folder.name, make)
+            gain = gain_of(sheet, filters, held["validation"], make)
+            shown(f"{folder.name} x {gain:.2f}", multiplied(gain, make))
+        if not self.rivals:
+            return
+        shown("truth on maps", lambda run: run.truth)
+        shown("plain", lambda run: torch.zeros_like(run.truth))
+        shown("finer cage", lambda run: run.finer)
+        strength = gain_of(sheet, filters, held["validation"], lambda run: run.sharp)
+        shown(f"sharpened x {strength:.1f}", lambda run: strength * run.sharp)
+        frames, _ = load_frames(run_files([self.data], "train"), garment, body, sheet)
+        console.print(f"{len(frames.inputs)} training frames")
+        inputs, table = frames.inputs, frames.wrinkles
+        generator = np.random.default_rng(0)
+
+        def other_moment(run: Judged) -> Tensor:
+            return table[int(generator.integers(len(table) - len(run.truth))) :][: len(run.truth)].float()
+
+        def best(names: Sequence[str], makers: Sequence[Maker]) -> tuple[str, Maker]:
+            def signed(place: int) -> float:
+                return score(sheet, filters, held["validation"], makers[place])["signed"]
+
+            place = max(range(len(makers)), key=signed)
+            return names[place], makers[place]
+
+        shown("table", other_moment)
+        shown("mean of each texel", lambda run: table.float().mean(0).expand_as(run.truth))
+        shown("pooled", fit_pooled(inputs, table, RIDGES[1]))
+        shown(*best([f"local {ridge:g}" for ridge in RIDGES], fit_local(inputs, table, RIDGES)))
+        shown(*best([f"global {count}" for count in KEPT], fit_global(inputs, table, KEPT, 1.0)))
+
+
+def multiplied(gain: float, make: Maker) -> Maker:
+    """What is made, times a gain."""
+    return lambda run: gain * make(run)
+
+
+def gain_of(sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged], make: Maker) -> float:
+    """Factor by which the waves of 20 to 80 mm of what is made get their true size over runs."""
+    worlds = (in_world(sheet, run, make(run))[SCORED] for run in runs)
+    made = sum(float(band_energies(filters, world)[:, :2].sum()) for world in worlds)
+    real = sum(float(run.looks.energies[:, :2].sum()) for run in runs)
+    return float((real / made) ** 0.5)
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("wrinkles.py", lambda: tyro.cli(WrinklesBenchmark).run()))

@@ -1,0 +1,78 @@
+"""Wrinkles of networks under a raking light, between the fine cloth that they were trained on and none.
+
+    python benchmarks/wrinkles_picture.py DATA RUN ... --out wrinkles.png
+
+Rows: tracking cloth, networks, the smooth surface of the cage; each is cleared from the skin. Columns: a
+moment of each run of the split, by default the one with the largest true folds, half of them from behind.
+"""
+
+import sys
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import torch
+import tyro
+
+import uvcloth.render as studio
+from train.wrinkles.frames import FineTexels, run_files, run_frames
+from train.wrinkles.tracked_runs import load_run
+from uvcloth.bodies.body import load_body
+from uvcloth.bodies.posing import posed_skin
+from uvcloth.garments.loading import load_garment
+from uvcloth.physics.outfit_clearing import OutfitClearing
+from uvcloth.process.command import run_command
+from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+from uvcloth.wrinkles.inputs import input_maps
+from uvcloth.wrinkles.model import load_wrinkles
+from uvcloth.wrinkles.sheet import Sheet
+
+RAKING = np.array([-1.0, 0.05, 0.35], np.float32)
+"""Towards the light: left of the camera, hardly above."""
+
+
+@torch.no_grad()
+def main(
+    data: tyro.conf.Positional[Path],
+    models: tyro.conf.Positional[tuple[Path, ...]],
+    out: Path,
+    split: str = "test",
+    at: int | None = None,
+    size: tuple[int, int] = (300, 330),
+) -> None:
+    """Draw the picture."""
+    torch.set_num_threads(1)
+    studio.KEY_DIRECTION = RAKING
+    body = load_body()
+    garment = load_garment("tops", body)
+    sheet = Sheet.of(garment, 128)
+    mesh = sheet.refined.mesh
+    clearing = OutfitClearing.of(body, [mesh])
+    places = FineTexels(garment, sheet)
+    networks = [load_wrinkles(folder, body) for folder in models]
+    rows: list[list[np.ndarray]] = [[] for _ in range(len(networks) + 2)]
+    for column, path in enumerate(run_files([data], split)):
+        run = load_run(path)
+        inputs, truth, axes = run_frames(sheet, body, run, places.offsets(run, path))
+        frame = int(truth.square().mean((1, 2)).argmax()) if at is None else at
+        smooth = sheet.refined.at(run.coarse[frame + 2])
+        maps = [
+            net.config.gain * net.net(input_maps(sheet, inputs[frame][None]))[0].flatten(1)
+            for net in networks
+        ]
+        local = [truth[frame], *(each[:, sheet.texels.pixels].T for each in maps)]
+        shown = [smooth + sheet.at_vertices((axes[frame] * each[:, None]).sum(-1)) for each in local]
+        posed = posed_skin(body, run.transforms[frame : frame + 1])[0]
+        for row, vertices in zip(rows, (*shown, smooth), strict=True):
+            (cleared,) = clearing.cleared([vertices], posed)
+            camera = three_quarter(cleared, turn=35.0 if column % 2 == 0 else 215.0, aspect=size[0] / size[1])
+            surfaces = [
+                Surface(posed, body.mesh.faces, BODY_COLOR),
+                Surface(cleared, mesh.faces, GARMENT_COLORS[1]),
+            ]
+            row.append(render(surfaces, camera, size))
+    iio.imwrite(out, contact_sheet([image for row in rows for image in row], len(rows[0])))
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("wrinkles_picture.py", lambda: tyro.cli(main)))

@@ -1,0 +1,69 @@
+"""The outfit that files show: as it is rolled out, or with wrinkles on finer meshes."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+from uvcloth.commands.rollout import Rollout
+from uvcloth.errors import InputError
+from uvcloth.garments.proxy import ProxiedOutfit
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.methods.method import Method
+from uvcloth.methods.physics.method import Physics
+from uvcloth.rollout import JUMPED, RolloutFrame
+from uvcloth.wrinkles.model import SHIPPED, load_wrinkles
+from uvcloth.wrinkles.outfit import WrinkledOutfit
+
+
+@dataclass(frozen=True)
+class VisibleOutfit:
+    """Garments as files show them. wrinkled: None for plain ones."""
+
+    proxied: ProxiedOutfit
+    wrinkled: WrinkledOutfit | None = None
+
+    @property
+    def meshes(self) -> tuple[Mesh, ...]:
+        """Meshes at rest."""
+        return self.wrinkled.meshes if self.wrinkled else self.proxied.meshes
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """A sentence on the wrinkles of each garment."""
+        return self.wrinkled.lines if self.wrinkled else ()
+
+    def named(self) -> list[tuple[str, Mesh]]:
+        """Name and mesh of each garment."""
+        return [(name, mesh) for (name, _), mesh in zip(self.proxied.named(), self.meshes, strict=True)]
+
+    def frames(self, frames: Iterable[RolloutFrame], fps: float) -> Iterator[RolloutFrame]:
+        """Yield the frames of a rollout as they are shown; with wrinkles, they are in the world.
+
+        fps: of these frames.
+        """
+        for frame in frames:
+            if self.wrinkled is None:
+                yield frame
+                continue
+            begun = perf_counter()
+            if JUMPED in frame.difficulties:
+                self.wrinkled.begin()
+            placed = frame.in_world()
+            vertices = self.wrinkled.shown(placed.vertices, placed.body_vertices, fps)
+            spent = {**placed.milliseconds, "wrinkles": 1000.0 * (perf_counter() - begun)}
+            yield replace(placed, raw=vertices, vertices=vertices, milliseconds=spent)
+
+
+def visible_outfit(command: Rollout, method: Method, proxied: ProxiedOutfit) -> VisibleOutfit:
+    """The outfit as the files of a command show it.
+
+    Raises InputError for wrinkles if their network cannot be read, or if no cage of the cloth solver moves
+    the garments.
+    """
+    if not command.wrinkles:
+        return VisibleOutfit(proxied)
+    if not isinstance(method, Physics):
+        raise InputError(f"--wrinkles: lie on what the cloth solver moves, not on {method.name}")
+    folder = command.wrinkles_from or SHIPPED
+    wrinkles = load_wrinkles(folder, proxied.outfit.body)
+    return VisibleOutfit(proxied, WrinkledOutfit(wrinkles, proxied.outfit, proxied.meshes, command.quality))

@@ -1,0 +1,117 @@
+"""Trained wrinkles: the network, its checkpoint, and garments with wrinkles, frame after frame."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.checkpoint import Checkpoint, TrainingData, body_record, load_checkpoint, restored
+from uvcloth.errors import InputError
+from uvcloth.garments.garment import Garment
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.physics.fabric import JERSEY
+from uvcloth.physics.surface import BodySurface
+from uvcloth.wrinkles.inputs import Past, first_past, input_maps, texel_inputs
+from uvcloth.wrinkles.network import WrinkleConfig, WrinkleNet
+from uvcloth.wrinkles.sheet import Sheet
+
+METHOD = "wrinkles"
+"""Name in a checkpoint."""
+
+SHIPPED = Path(str(files("uvcloth"))) / "data" / "wrinkles"
+"""Folder of the trained network in the package."""
+
+
+@dataclass(frozen=True)
+class Wrinkles:
+    """A trained network of wrinkles."""
+
+    config: WrinkleConfig
+    net: WrinkleNet
+
+    @classmethod
+    def untrained(cls, config: WrinkleConfig) -> "Wrinkles":
+        """The network with untrained weights, which makes no wrinkles."""
+        return cls(config, WrinkleNet(config))
+
+    def unsupported_reason(self, garment: Garment, quality: str) -> str:
+        """The reason that it has no wrinkles for a garment on a cage of a quality, "" if it has."""
+        if quality != self.config.quality:
+            return (
+                f"garment {garment.name}: wrinkles are trained for --quality {self.config.quality}, "
+                f"not {quality}"
+            )
+        if garment.fabric != JERSEY:
+            return f"garment {garment.name}: wrinkles are trained for jersey, not for another fabric"
+        if garment.template not in self.config.garments:
+            kind = garment.template or "a garment without template"
+            return (
+                f"garment {garment.name}: wrinkles are trained for {', '.join(self.config.garments)}, "
+                f"not {kind}"
+            )
+        return ""
+
+
+def wrinkles_checkpoint(
+    wrinkles: Wrinkles, body: Body, data: TrainingData, notes: Mapping[str, Any]
+) -> Checkpoint:
+    """The checkpoint of trained wrinkles; weights in half precision."""
+    return Checkpoint(
+        method=METHOD,
+        config=asdict(wrinkles.config),
+        tensors={name: value.half() for name, value in wrinkles.net.state_dict().items()},
+        body=body_record(body),
+        garments=wrinkles.config.garments,
+        data=data,
+        notes=dict(notes),
+    )
+
+
+def load_wrinkles(folder: Path, body: Body) -> Wrinkles:
+    """Read trained wrinkles. Raises InputError as `load_checkpoint`, and for a model of another method."""
+    checkpoint = load_checkpoint(folder, body)
+    if checkpoint.method != METHOD:
+        raise InputError(f"{folder}: a model of method {checkpoint.method!r:.60}, expected {METHOD}")
+    wrinkles: Wrinkles = restored(
+        checkpoint, folder, WrinkleConfig, Wrinkles.untrained, lambda each: each.net
+    )
+    wrinkles.net.eval()
+    return wrinkles
+
+
+class WrinkledGarment:
+    """One garment of a rollout with wrinkles: its refined mesh, and what the network remembers of it."""
+
+    def __init__(self, wrinkles: Wrinkles, garment: Garment) -> None:
+        """Lay the garment out. Raises InputError as `Sheet.of` does."""
+        self.sheet = Sheet.of(garment, wrinkles.config.size)
+        self._net, self._gain = wrinkles.net, wrinkles.config.gain
+        self._past: Past | None = None
+
+    @property
+    def mesh(self) -> Mesh:
+        """The refined mesh at rest."""
+        return self.sheet.refined.mesh
+
+    def begin(self) -> None:
+        """Forget the frames before."""
+        self._past = None
+
+    @torch.no_grad()
+    def wrinkled(self, vertices: Tensor, fps: float, skin: BodySurface) -> Tensor:
+        """Vertices (n, 3) m of the refined mesh with wrinkles, of the next frame of the garment (N, 3) m.
+
+        skin: of the body in this frame. All frames are in one frame of reference.
+        """
+        points = vertices[self.sheet.refined.kept]
+        past = first_past(self.sheet, points) if self._past is None else self._past
+        rows, axes, self._past = texel_inputs(self.sheet, points, past, fps, skin)
+        maps = self._net(input_maps(self.sheet, rows)[None].contiguous(memory_format=torch.channels_last))
+        local = maps[0].flatten(1)[:, self.sheet.texels.pixels].T
+        displacement = self._gain * self.sheet.at_vertices((axes * local[:, None]).sum(-1))
+        return self.sheet.refined.at(vertices) + displacement
