@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from uvcloth.geometry.mesh import Mesh, welded
-from uvcloth.geometry.subdivide import halve_edges, loop_matrix, loop_subdivision
+from uvcloth.geometry.subdivide import halve_edges, loop_matrix
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,11 @@ class Refined:
     def of(cls, mesh: Mesh) -> "Refined":
         """Refine a mesh; vertices at one place, as at texture seams, are joined."""
         joined = welded(mesh.vertices, mesh.faces)
-        faces = loop_subdivision(joined.points, joined.faces)[1]
         uvs, face_uvs = mesh.uvs, mesh.face_uvs
         if len(uvs):
             uvs, face_uvs = halve_edges(uvs, face_uvs)
-        matrix = loop_matrix(joined.faces, len(joined.points))
+        matrix, faces = loop_matrix(joined.faces, len(joined.points))
+        matrix = matrix.to(joined.points)
         return cls(joined.kept, joined.places, matrix, Mesh(matrix @ joined.points, faces, uvs, face_uvs))
 
     def at(self, vertices: Tensor) -> Tensor:

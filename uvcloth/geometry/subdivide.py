@@ -51,76 +51,43 @@ def loop_subdivision(points: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
 
     Every edge gets a vertex, after the old ones; an edge has one face or two.
     """
-    count = len(points)
+    matrix, split = loop_matrix(faces, len(points))
+    return matrix.to(points) @ points, split
+
+
+def loop_matrix(faces: Tensor, count: int) -> tuple[Tensor, Tensor]:
+    """`loop_subdivision` of faces (F, 3) as a product, for all poses of P points.
+
+    Returns the sparse matrix (P + E, P), float64, and the faces (4 F, 3).
+    """
     ends = torch.stack([faces, faces.roll(-1, 1)], dim=2).reshape(-1, 2).sort(dim=1).values
     # By their higher vertex first, as trimesh has them: models that ship know templates in this order.
     keys, edge_of = torch.unique(ends[:, 1] * count + ends[:, 0], return_inverse=True)
     edges = torch.stack([keys % count, keys // count], dim=1)
     inner = torch.bincount(edge_of) == 2
-    opposite = torch.zeros(len(edges), 3).to(points)
-    opposite.index_add_(0, edge_of, points[faces.roll(1, 1).flatten()])
-    middles = points[edges].mean(1)
-    middles[inner] = 0.375 * points[edges[inner]].sum(1) + 0.125 * opposite[inner]
-
+    opposite, inside = faces.roll(1, 1).flatten(), inner[edge_of]
     rim = torch.zeros(count, dtype=torch.bool)
     rim[edges[~inner]] = True
-    valence = torch.bincount(edges.flatten(), minlength=count).to(points)
-    around = torch.zeros_like(points)
-    # A vertex on the rim follows those beside it on the rim, with an eighth each.
-    follows = torch.cat([edges, edges.flip(1)])
-    follows = follows[~rim[follows[:, 0]] | rim[follows[:, 1]]]
-    around.index_add_(0, follows[:, 0], points[follows[:, 1]])
+    valence = torch.bincount(edges.flatten(), minlength=count).double()
     turn = 2.0 * math.pi / valence.clamp(min=1)
     share = (40.0 - (2.0 * turn.cos() + 3.0) ** 2) / (64.0 * valence.clamp(min=1))
     share[rim] = 0.125
+    # A vertex on the rim follows those beside it on the rim alone, also where a face has two edges there.
+    follows, along_rim = torch.cat([edges, edges.flip(1)]), torch.cat([~inner, ~inner])
+    follows = follows[~rim[follows[:, 0]] | along_rim]
+    corners, middles = torch.arange(count), count + torch.arange(len(edges))
+    near = torch.where(inner, 0.375, 0.5).double()
+    far = torch.full((int(inside.sum()),), 0.125, dtype=torch.float64)
     kept = torch.where(rim, 0.75, 1.0 - valence * share)
-    corners = share[:, None] * around + kept[:, None] * points
+    rows = torch.cat([middles, middles, count + edge_of[inside], follows[:, 0], corners])
+    columns = torch.cat([edges[:, 0], edges[:, 1], opposite[inside], follows[:, 1], corners])
+    values = torch.cat([near, near, far, share[follows[:, 0]], kept])
+    shape = (count + len(edges), count)
+    matrix = torch.sparse_coo_tensor(torch.stack([rows, columns]), values, shape, check_invariants=False)
     a, b, c = faces.unbind(1)
     ab, bc, ca = (count + edge_of.view(-1, 3)).unbind(1)
     split = torch.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], dim=1).view(-1, 3)
-    return torch.cat([corners, middles]), split
-
-
-def loop_matrix(faces: Tensor, count: int) -> Tensor:
-    """`loop_subdivision` of faces (F, 3) as a product, for all poses of P points: sparse (P + E, P).
-
-    Vertices are numbered as there.
-    """
-    ends = torch.stack([faces, faces.roll(-1, 1)], dim=2).reshape(-1, 2).sort(dim=1).values
-    keys, edge_of = torch.unique(ends[:, 1] * count + ends[:, 0], return_inverse=True)
-    edges = torch.stack([keys % count, keys // count], dim=1)
-    inner = torch.bincount(edge_of) == 2
-    numbers = torch.arange(len(edges))
-    opposite = faces.roll(1, 1).flatten()
-    inside = inner[edge_of]
-    rim = torch.zeros(count, dtype=torch.bool)
-    rim[edges[~inner]] = True
-    valence = torch.bincount(edges.flatten(), minlength=count).float()
-    turn = 2.0 * math.pi / valence.clamp(min=1)
-    share = (40.0 - (2.0 * turn.cos() + 3.0) ** 2) / (64.0 * valence.clamp(min=1))
-    share[rim] = 0.125
-    corners = torch.arange(count)
-    # A vertex on the rim follows those beside it on the rim alone, also where a face has two edges there.
-    along_rim = torch.cat([~inner, ~inner])
-    follows = torch.cat([edges, edges.flip(1)])
-    follows = follows[~rim[follows[:, 0]] | along_rim]
-    rows = torch.cat(
-        [count + numbers, count + numbers, count + edge_of[inside], follows[:, 0], corners],
-    )
-    columns = torch.cat([edges[:, 0], edges[:, 1], opposite[inside], follows[:, 1], corners])
-    near = torch.where(inner, 0.375, 0.5)
-    values = torch.cat(
-        [
-            near,
-            near,
-            torch.full((int(inside.sum()),), 0.125),
-            share[follows[:, 0]],
-            torch.where(rim, 0.75, 1.0 - valence * share),
-        ]
-    )
-    shape = (count + len(edges), count)
-    matrix = torch.sparse_coo_tensor(torch.stack([rows, columns]), values, shape, check_invariants=False)
-    return matrix.coalesce().to_sparse_csr()
+    return matrix.coalesce().to_sparse_csr(), split
 
 
 def _first_split(split: Tensor) -> Tensor:
