@@ -16,7 +16,7 @@ from tests.fuzz.target import Target, require
 from tests.fuzz.worker import FINE, Worker
 from uvcloth.errors import InputError
 
-CASES = 30
+CASES = 60
 """Of each reader; `make fuzz` tries 10,000."""
 
 
