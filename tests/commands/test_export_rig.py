@@ -97,7 +97,11 @@ def test_without_a_motion_the_embedding_lies_beside(run: Path, tmp_path: Path, s
         ("rig.glb", {"shapes": 0}, "--shapes 0: has to be from 1 to 8, as many as the model has"),
         ("rig.glb", {"shapes": 9}, "--shapes 9: has to be from 1 to 8, as many as the model has"),
         ("rig.glb", {"motion": "nowhere.bvh"}, "nowhere.bvh: no such file"),
-        ("rig.glb", {"motion": "strut"}, r"strut: expected a \.bvh, \.glb, \.gltf, \.vrm, \.fbx, \.vrma or \.npz"),
+        (
+            "rig.glb",
+            {"motion": "strut"},
+            r"strut: expected a \.bvh, \.glb, \.gltf, \.vrm, \.fbx, \.vrma or \.npz",
+        ),
         ("taken.glb", {"motion": "jump"}, r"taken\.glb: cannot be written \(is a folder\)"),
         ("taken.usdc/rig.glb", {"motion": "jump"}, r"taken\.usdc: cannot be made a folder"),
     ],
