@@ -101,6 +101,17 @@ float body_speed(const Solver &solver, const uvc_motion &motion) {
 
 double needed_substeps(const uvc_motion &motion) { return (double)motion.seconds * motion.needed; }
 
+// Whether cloth can follow a body of a speed, m/s, through a frame that is not too long. Says why if not.
+bool can_follow(float past, const uvc_motion &motion, Failure &failure) {
+    if (!(past >= 0)) failure.say("a vertex of the body is not a finite number");
+    if (past > FASTEST_BODY)
+        failure.say("the body moves at %d m/s past the cloth in a frame, the limit is %d m/s",
+                    (int)least(1e9f, past), (int)FASTEST_BODY);
+    if (!(needed_substeps(motion) < MOST_SUBSTEPS))
+        failure.say("a frame of %d s needs too many substeps", (int)least(1e9f, motion.seconds));
+    return !failure.failed;
+}
+
 template <class T>
 void put_back(T *to, Array<T> from) {
     memcpy(to, from.data, sizeof(T) * (size_t)from.size);
@@ -201,22 +212,15 @@ void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
 }
 
 bool can_follow(const Solver &solver, const uvc_motion &motion, Failure &failure) {
-    float past = body_speed(solver, motion);
-    if (!(past >= 0)) failure.say("a vertex of the body is not a finite number");
-    if (past > FASTEST_BODY)
-        failure.say("the body moves at %d m/s past the cloth in a frame, the limit is %d m/s",
-                    (int)least(1e9f, past), (int)FASTEST_BODY);
-    if (!(needed_substeps(motion) < MOST_SUBSTEPS))
-        failure.say("a frame of %d s needs too many substeps", (int)least(1e9f, motion.seconds));
-    return !failure.failed;
+    return can_follow(body_speed(solver, motion), motion, failure);
 }
 
 int step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions,
          Vec *velocities, Searched searched, SelfContact &contact, Arena &work, Failure &failure) {
     Scope scope(work);
     int vertices = material.particles.mass.size, rows = solver.collider.parts * vertices;
-    if (!can_follow(solver, motion, failure)) return REFUSED;
     float past = body_speed(solver, motion);
+    if (!can_follow(past, motion, failure)) return REFUSED;
     // Cloth that moves farther than the reach between two searches could pass through the body.
     float reached = motion.reach / most(past + fastest(velocities, vertices), 1e-6f);
     float body_interval = least(motion.interval, reached);

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.player.system_compiler import compiler
 from uvcloth.bodies.body import Body
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf_cloth import add_cloth, add_own_body, animate_cloth
@@ -53,12 +53,6 @@ public static class Program {
 """Plays an outfit with the class of the page, and writes the vertices."""
 
 
-def compiler() -> list[str]:
-    """The command of the system's C++ compiler, empty if there is none."""
-    commands = map(shlex.split, (os.environ.get("CXX", ""), "c++", "g++", "clang++"))
-    return next((command for command in commands if command and shutil.which(command[0])), [])
-
-
 @pytest.fixture(scope="module")
 def hero(tmp_path_factory: pytest.TempPathFactory, body: Body, worn: WornOutfit, content: bytes) -> Path:
     """A baked file in a folder of its own, with what an importer knows of it beside it."""
@@ -76,12 +70,13 @@ def hero(tmp_path_factory: pytest.TempPathFactory, body: Body, worn: WornOutfit,
 @pytest.fixture(scope="module")
 def host(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The compiled host."""
-    if not compiler():
+    command = compiler("CXX", "c++", "g++", "clang++")
+    if not command:
         pytest.skip("the system has no C++ compiler")
     program, loaded = tmp_path_factory.mktemp("host") / "host", Path(library()._name)
     flags = ("-std=c++20", "-Wall", "-Wextra", "-Werror", f"-I{ROOT / 'runtime' / 'include'}")
     linked = (EXAMPLE / "host.cpp", loaded, f"-Wl,-rpath,{loaded.parent}", "-o", program)
-    subprocess.run([*compiler(), *flags, *linked], check=True)
+    subprocess.run([*command, *flags, *linked], check=True)
     return program
 
 

@@ -1,9 +1,6 @@
 """The program of docs/runtime.md, which plays an outfit in C: it compiles, and gives what Python does."""
 
-import os
 import re
-import shlex
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -12,6 +9,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
+from tests.player.system_compiler import compiler
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Outfit as WornOutfit
 from uvcloth.garments.templates import fit_template
@@ -25,16 +23,11 @@ LONGEST = 60
 """Lines of the program at most."""
 
 
-def compiler() -> list[str]:
-    """The command of the system's C compiler, empty if there is none."""
-    commands = map(shlex.split, (os.environ.get("CC", ""), "cc", "gcc", "clang"))
-    return next((command for command in commands if command and shutil.which(command[0])), [])
-
-
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The compiled program."""
-    if not compiler():
+    system = compiler("CC", "cc", "gcc", "clang")
+    if not system:
         pytest.skip("the system has no C compiler")
     page = (ROOT / "docs" / "runtime.md").read_text(encoding="utf-8")
     (source,) = re.findall(r"^```c\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
@@ -43,7 +36,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "play.c").write_text(source, encoding="utf-8")
     loaded = Path(library()._name)
     command = [
-        *(*compiler(), "-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{ROOT / 'runtime' / 'include'}"),
+        *(*system, "-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{ROOT / 'runtime' / 'include'}"),
         *(folder / "play.c", loaded, f"-Wl,-rpath,{loaded.parent}", "-o", folder / "play"),
     ]
     done = subprocess.run(command, check=False, capture_output=True, text=True)

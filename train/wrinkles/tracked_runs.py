@@ -197,7 +197,6 @@ class TrackedRuns:
         body = load_body(self.body)
         garment = load_garment(self.garment, body)
         console, tracking = Console(stderr=True), Tracking(edge=self.edge)
-        make_folder(self.data)
         fine, _ = fine_mesh(garment, self.data, self.edge)
         name = fine_mesh_name(fine)
         entries = interleaved(e for e in read_index(self.windows).values() if e.split == self.split)
