@@ -98,7 +98,7 @@ def load_motion(
     the frames A to B - 1 at that rate, None for all. in_place: the hips stay over one spot. Of a file only:
     up, the axis that points up; joints, a JSON file that says which joint plays which role; animation, the
     name or number of one in a glTF or FBX file; rest_frame, the frame in which the person stands straight;
-    clear_arms, that forearms and hands are kept out of the torso.
+    clear_arms, that forearms and hands are kept out of torso and legs.
     name: of an array's motion, for messages.
 
     Raises InputError naming the file for one that cannot be read or understood and a motion that no person

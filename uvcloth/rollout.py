@@ -274,13 +274,15 @@ def rollout_proxied(
 ) -> Iterator[RolloutFrame]:
     """Predict an outfit as `rollout` does, and yield frames of the meshes that are shown, on the CPU.
 
-    With clearing, inner garments are pressed beneath the faces of those over them (`Pressing`). Their places
-    are relative to origins that follow the body's root. first: index of the first frame.
+    With clearing, inner garments are pressed beneath the faces of those over them (`Pressing`), except by a
+    method that keeps its meshes apart by itself. Their places are relative to origins that follow the body's
+    root. first: index of the first frame.
     """
     from uvcloth.physics.pressing import Pressing
 
     prepared = prepare_rollout(method, proxied.outfit, clear, device)
-    pressing = Pressing.of(proxied.meshes) if clear and len(proxied.meshes) > 1 else None
+    kept_apart = len(proxied.meshes) == 1 or (method.traits.keeps_off_body and proxied.contact is None)
+    pressing = Pressing.of(proxied.meshes) if clear and not kept_apart else None
     for predicted in prepared.around_root(transforms, fps, every=every, keep_going=keep_going, first=first):
         frame = to_device(predicted, CPU)
         if proxied.contact is None and pressing is None:

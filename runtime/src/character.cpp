@@ -1,5 +1,7 @@
 #include "character.h"
 
+#include "layer_order.h"
+
 namespace uvc {
 
 namespace {
@@ -221,7 +223,9 @@ void carry(Character &character) {
     for (Vec &vertex : skin) vertex = smaller * vertex;
     clear_skin(outfit.clearing, character.memory, points.data, body.data, CLEARANCE, CLEARING_REACH, work);
     cover_skin(outfit.clearing, points.data, skin.data, work);
-    lift(outfit.clearing.layers, outfit.clearing.rings, points.data, CLEARANCE, 1, work);
+    Array<int32_t> over =
+        find_points_over(outfit, character.contact.points.items, character.positions.data, work);
+    lift(outfit.clearing.layers, outfit.clearing.rings, over, points.data, CLEARANCE, 1, work);
     for (Vec &point : points) point = outfit.size * point;
     character.shown_origin = posed.origin;
 }

@@ -41,7 +41,7 @@ void uvc_cover(const uvc_clearing *clearing, float *cloth, const float *skin) {
 
 void uvc_lift(const uvc_clearing *clearing, float *cloth, float clearance, int turns) {
     uvc::Arena work;
-    uvc::lift(clearing->data.layers, clearing->data.rings, reinterpret_cast<uvc::Vec *>(cloth), clearance,
+    uvc::lift(clearing->data.layers, clearing->data.rings, {}, reinterpret_cast<uvc::Vec *>(cloth), clearance,
               turns, work);
 }
 

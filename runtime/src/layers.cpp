@@ -9,6 +9,9 @@ namespace {
 // Metres within which an inner garment is looked for.
 constexpr float REACH = 0.03f;
 
+// Metres within which a garment is looked for beneath what came out from it.
+constexpr float REACH_BENEATH = 0.1f;
+
 // Least cosine between its normal and the way to a point that it covers: beside its hem it does not.
 constexpr float COVERING = 0.7f;
 
@@ -25,7 +28,7 @@ Array<int32_t> first_faces(Array<int32_t> starts, Array<Face> faces, Arena &aren
     return face == faces.size ? firsts : Array<int32_t>{};
 }
 
-// An inner garment where it lies now, and its normals at vertices (N), of unit length.
+// A garment where it lies now, and its normals at vertices (N), of unit length.
 struct Inner {
     bool is_fitted;
     FittedTree tree;
@@ -37,6 +40,7 @@ void fit_inner(const Layers &layers, int garment, const Vec *cloth, Inner &inner
     const LaneTree &tree = layers.trees[garment];
     inner = {true, make_fitted_tree(tree, work)};
     fit(tree, cloth, inner.tree);
+    for (int k = layers.starts[garment]; k < layers.starts[garment + 1]; k++) normals[k] = {};
     for (Face f : tree.faces) {
         Vec normal = cross(cloth[f.b] - cloth[f.a], cloth[f.c] - cloth[f.a]);
         for (int corner = 0; corner < 3; corner++) normals[f[corner]] += normal;
@@ -54,9 +58,13 @@ Vec move_off(Face f, const Vec *cloth, const Vec *normals, Vec point, float clea
     return (clearance - distance) * normal;
 }
 
+bool lies_over(Array<int32_t> over, int vertex, int garment) {
+    return over.size && over.at(vertex) >> garment & 1;
+}
+
 // Moves the outer garment of a pair off the inner one, and adds its moves (N), where these are asked for.
-void lift_off(const Layers &layers, int pair, FittedTree &fitted, const Vec *normals, Vec *cloth, Vec *moves,
-              float clearance) {
+void lift_off(const Layers &layers, int pair, Array<int32_t> over, FittedTree &fitted, const Vec *normals,
+              Vec *cloth, Vec *moves, float clearance) {
     int outer = layers.outer[pair], inner = layers.inner[pair];
     const LaneTree &tree = layers.trees[inner];
     const int32_t *parts = layers.parts.data + layers.face_starts[inner];
@@ -66,10 +74,60 @@ void lift_off(const Layers &layers, int pair, FittedTree &fitted, const Vec *nor
         float beyond = 0;
         int face = closest_face(tree, fitted, cloth[vertex], REACH, beyond);
         if (face < 0 || !(touches & parts[face])) continue;
-        Vec move = move_off(tree.faces.at(face), cloth, normals, cloth[vertex], clearance);
+        Face f = tree.faces.at(face);
+        if (lies_over(over, f.a, outer) || lies_over(over, f.b, outer) || lies_over(over, f.c, outer)) continue;
+        Vec move = move_off(f, cloth, normals, cloth[vertex], clearance);
         cloth[vertex] += move;
         if (moves) moves[vertex] += move;
     }
+}
+
+// Whether a point is on the outer side of the face that is closest to it, not beside it.
+bool is_outside(const LaneTree &tree, FittedTree &fitted, const Vec *cloth, const Vec *normals, Vec point) {
+    float beyond = 0;
+    int face = closest_face(tree, fitted, point, REACH_BENEATH, beyond);
+    if (face < 0) return false;
+    Face f = tree.faces.at(face);
+    Vec weights = closest_barycentrics(point, cloth[f.a], cloth[f.b], cloth[f.c]);
+    Vec away = point - weighted(weights, cloth[f.a], cloth[f.b], cloth[f.c]);
+    Vec normal = unit(weighted(weights, normals[f.a], normals[f.b], normals[f.c]));
+    return dot(away, normal) >= COVERING * length(away);
+}
+
+// Adds the neighbours of what lies over the outer garment of a pair that are outside it too.
+void spread_over(const Layers &layers, int pair, const Rings &rings, FittedTree &fitted, const Vec *cloth,
+                 const Vec *normals, Array<int32_t> over, Arena &work) {
+    Scope scope(work);
+    int outer = layers.outer[pair], inner = layers.inner[pair];
+    int first = layers.starts[inner], last = layers.starts[inner + 1], count = 0;
+    Array<int32_t> waiting = work.take<int32_t>(last - first);
+    for (int vertex = first; vertex < last; vertex++)
+        if (lies_over(over, vertex, outer)) waiting[count++] = vertex;
+    for (int head = 0; head < count; head++)
+        for (int k = rings.starts[waiting[head]]; k < rings.starts[waiting[head] + 1]; k++) {
+            int vertex = rings.ring[k];
+            if (lies_over(over, vertex, outer)) continue;
+            if (!is_outside(layers.trees[outer], fitted, cloth, normals, cloth[vertex])) continue;
+            over[vertex] |= 1 << outer;
+            waiting[count++] = vertex;
+        }
+}
+
+// Moves what came out from beneath the outer garment of a pair off it. Returns whether there is any.
+bool lift_over(const Layers &layers, int pair, Array<int32_t> over, FittedTree &fitted, const Vec *normals,
+               Vec *cloth, float clearance) {
+    int outer = layers.outer[pair], inner = layers.inner[pair];
+    const LaneTree &tree = layers.trees[outer];
+    bool is_any = false;
+    for (int vertex = layers.starts[inner]; vertex < layers.starts[inner + 1]; vertex++) {
+        if (!lies_over(over, vertex, outer)) continue;
+        float beyond = 0;
+        int face = closest_face(tree, fitted, cloth[vertex], REACH, beyond);
+        if (face < 0) continue;
+        cloth[vertex] += move_off(tree.faces.at(face), cloth, normals, cloth[vertex], clearance);
+        is_any = true;
+    }
+    return is_any;
 }
 
 }  // namespace
@@ -110,12 +168,13 @@ Layers read_layers(const Sections &sections, Array<Vec> rest, Array<Face> faces,
     return layers;
 }
 
-void lift(const Layers &layers, const Rings &rings, Vec *cloth, float clearance, int turns, Arena &work) {
+void lift(const Layers &layers, const Rings &rings, Array<int32_t> over, Vec *cloth, float clearance, int turns,
+          Arena &work) {
     Scope scope(work);
     int garments = layers.starts.size - 1, vertices = layers.touches.size;
     if (!layers.outer.size) return;
     Array<Inner> inner = work.take<Inner>(garments);
-    Array<Vec> normals = work.take<Vec>(layers.starts[layers.outer[layers.outer.size - 1]]), moves;
+    Array<Vec> normals = work.take<Vec>(vertices), moves;
     // Of one turn nobody asks for the moves.
     if (turns > 1) moves = work.take<Vec>(vertices);
     int first = 0, last = 0;
@@ -127,13 +186,24 @@ void lift(const Layers &layers, const Rings &rings, Vec *cloth, float clearance,
             int garment = layers.inner[pair];
             fit_inner(layers, garment, cloth, inner[garment], normals.data, work);
         }
+        if (over.size) {
+            fit_inner(layers, outer, cloth, inner[outer], normals.data, work);
+            for (int pair = first; pair < last; pair++)
+                spread_over(layers, pair, rings, inner[outer].tree, cloth, normals.data, over, work);
+            inner[outer].is_fitted = false;
+        }
         for (int turn = 0; turn < turns; turn++) {
             for (Vec &move : moves) move = {};
             for (int pair = first; pair < last; pair++)
-                lift_off(layers, pair, inner[layers.inner[pair]].tree, normals.data, cloth, moves.data,
+                lift_off(layers, pair, over, inner[layers.inner[pair]].tree, normals.data, cloth, moves.data,
                          clearance);
             if (turn < turns - 1) follow(rings, cloth, moves.data);
         }
+        if (!over.size) continue;
+        fit_inner(layers, outer, cloth, inner[outer], normals.data, work);
+        for (int pair = first; pair < last; pair++)
+            if (lift_over(layers, pair, over, inner[outer].tree, normals.data, cloth, clearance))
+                inner[layers.inner[pair]].is_fitted = false;
     }
 }
 

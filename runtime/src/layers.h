@@ -1,4 +1,5 @@
-// Layers: points of outer garments are moved off the garments beneath them.
+// Layers: points of outer garments are moved off the garments beneath them, and cloth that came out from
+// beneath one is moved off that.
 #pragma once
 
 #include "lane_tree.h"
@@ -22,8 +23,11 @@ struct Layers {
 Layers read_layers(const Sections &sections, Array<Vec> rest, Array<Face> faces, Arena &arena,
                    Failure &failure);
 
-// Moves vertices (N) m to `clearance`, m, off each garment beneath them that covers them, one outer garment
-// after another, in place. turns: times that each is moved; after all but the last one neighbours follow.
-void lift(const Layers &layers, const Rings &rings, Vec *cloth, float clearance, int turns, Arena &work);
+// Moves vertices (N) m to `clearance`, m, off each garment beneath them that they cover, one outer garment
+// after another, in place. over: (N) bits of the garments beneath which a vertex belongs and over which it
+// lies, so that it is moved off them instead; or nothing. turns: times that each garment is moved; after all
+// but the last one neighbours follow.
+void lift(const Layers &layers, const Rings &rings, Array<int32_t> over, Vec *cloth, float clearance, int turns,
+          Arena &work);
 
 }  // namespace uvc

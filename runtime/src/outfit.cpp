@@ -11,6 +11,9 @@ namespace {
 // distances, m, of contact: with more, a frame would take for ever.
 constexpr float MOST_NEEDED = 65536, LONGEST_DISTANCE = 0.2f;
 
+// Metres at rest from an outer garment's borders from which on a hem is tucked into it.
+constexpr float TUCKED = 0.05f;
+
 SolverSettings read_settings(const Sections &sections, Failure &failure) {
     SolverSettings settings{};
     settings.needed = read_number(sections, "settings.needed", failure);
@@ -69,6 +72,40 @@ Array<int32_t> find_cage_garments(const Outfit &outfit, Arena &arena) {
     return garments;
 }
 
+// Whether each vertex is on a border, where it has more neighbours than faces.
+Array<int32_t> find_borders(Array<Face> faces, const Rings &rings, Arena &arena) {
+    Array<int32_t> is_border = arena.take<int32_t>(rings.starts.size - 1);
+    for (Face face : faces)
+        for (int corner = 0; corner < 3; corner++) is_border[face[corner]]--;
+    for (int k = 0; k < is_border.size; k++)
+        is_border[k] = is_border[k] + rings.starts[k + 1] - rings.starts[k] > 0;
+    return is_border;
+}
+
+// For points on borders that no cage holds, the outer garments whose borders are far away at rest, as bits.
+Array<int32_t> find_hems(const Outfit &outfit, Arena &arena) {
+    const Clearing &fine = outfit.clearing;
+    Array<int32_t> hems = arena.take<int32_t>(outfit.points.vertices());
+    int garments = outfit.garments();
+    if (garments < 2 || garments > MOST_ORDERED) return hems;
+    Arena work;
+    Array<int32_t> is_border = find_borders(fine.cloth.faces, fine.rings, work);
+    for (int garment = 0; garment < garments; garment++)
+        for (int point = outfit.starts[garment]; point < outfit.starts[garment + 1]; point++) {
+            bool is_free = is_border[point];
+            for (int k = outfit.cage_starts[point]; k < outfit.cage_starts[point + 1]; k++)
+                is_free = is_free && !(outfit.hold[outfit.cage[k]] > 0);
+            if (!is_free) continue;
+            for (int outer = garment + 1; outer < garments; outer++) {
+                bool is_far = true;
+                for (int other = outfit.starts[outer]; other < outfit.starts[outer + 1] && is_far; other++)
+                    is_far = !is_border[other] || length(fine.rest[point] - fine.rest[other]) > TUCKED;
+                hems[point] |= (int32_t)is_far << outer;
+            }
+        }
+    return hems;
+}
+
 }  // namespace
 
 void read_outfit(const Sections &stored, Outfit &outfit, Failure &failure) {
@@ -105,7 +142,9 @@ void read_outfit(const Sections &stored, Outfit &outfit, Failure &failure) {
     outfit.shown_starts =
         read_starts(sections, "outfit.shown_starts", garments, outfit.shown.size, arena, failure);
     check_sizes(outfit, failure);
-    if (!failure.failed) outfit.cage_garments = find_cage_garments(outfit, arena);
+    if (failure.failed) return;
+    outfit.cage_garments = find_cage_garments(outfit, arena);
+    outfit.hems = find_hems(outfit, arena);
 }
 
 }  // namespace uvc

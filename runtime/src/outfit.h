@@ -10,6 +10,9 @@
 
 namespace uvc {
 
+// Most garments whose order may change: one has a bit.
+constexpr int MOST_ORDERED = 31;
+
 // Settings of the solver.
 //
 // needed: substeps a second. radius: m, kept between cloth and body. self_radius: m, kept between cloth and
@@ -26,8 +29,9 @@ struct SolverSettings {
 // size: height of the body over that of the nearest adult; clearances are for adults. used: (C) the vertices
 // that cloth may touch, among the body's and the caps' tips. hold: (n) 1/s, attachment of bands. cage_starts
 // (U + 1), cage, cage_weights: vertices of the cages around each point; cage_garments: (n) the garment of
-// each. starts: (G + 1) first point of each garment. shapes: (9 (J - 1), V, 3) m, offsets of the body at rest
-// for each number of the joints' turns from those of their parents, less one; none for most bodies.
+// each. hems: (U) for points on a border that nothing holds, bits of the outer garments that it is tucked into:
+// their own borders are far from it at rest. starts: (G + 1) first point of each garment. shapes: (9 (J - 1), V, 3) m, offsets of the body at rest for each number of the
+// joints' turns from those of their parents, less one; none for most bodies.
 // shown_starts: (G + 1) first shown vertex of each garment, and shown: the point that each lies at.
 struct Outfit {
     float size;
@@ -38,7 +42,7 @@ struct Outfit {
     Solver solver;
     Clearing clearing;
     SolverSettings settings;
-    Array<int32_t> used, cage_starts, cage, cage_garments, starts, shown_starts, shown;
+    Array<int32_t> used, cage_starts, cage, cage_garments, hems, starts, shown_starts, shown;
     Array<float> cage_weights, hold, shapes;
     Arena arena;
 

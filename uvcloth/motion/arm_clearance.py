@@ -1,6 +1,7 @@
-"""Arms kept out of the torso: turned at the shoulder, smoothly in time.
+"""Arms kept out of torso and legs: turned at the shoulder, smoothly in time.
 
-The joint rotations of one person take hands into the torso of a wider one, where no sleeve can be right.
+The joint rotations of one person take hands into the torso or the thighs of a wider one, where no sleeve can
+be right.
 """
 
 from collections.abc import Sequence
@@ -16,21 +17,18 @@ from uvcloth.bodies.body import Body
 from uvcloth.geometry.rotations import from_axis_angles, rotate, rotate_back
 from uvcloth.motion.arms import (
     FRAMES_AT_ONCE,
-    PosedTorso,
-    arm_depth,
+    PosedTrunk,
     arm_joints,
     arm_places,
-    posed_torso,
+    missing_clearance,
+    posed_trunk,
 )
 from uvcloth.motion.clip import Clip
-
-CLEARANCE = 0.02
-"""Metres that bones of forearms and hands keep from the torso's skin: a forearm then touches it."""
 
 TOLERANCE = 0.002
 """Metres of clearance that may be missing."""
 
-ROUNDS = 20
+ROUNDS = 40
 """Most rounds of turning."""
 
 PASSES = 4
@@ -48,37 +46,38 @@ HELD_WEIGHT = 1e6
 
 @dataclass(frozen=True)
 class _DeepFrames:
-    """The F frames of a clip in which one of A arms misses CLEARANCE, or would after turns in others.
+    """The F frames of a clip in which one of A arms misses its clearance, or would after turns in others.
 
-    indices: (F,) in the clip. torsos: in these frames, in parts. places: (F, A, P, 3) m on the arms.
+    indices: (F,) in the clip. trunks: in these frames, in parts. places: (F, A, P, 3) m on the arms.
     """
 
     indices: Tensor
-    torsos: Sequence[PosedTorso]
+    trunks: Sequence[PosedTrunk]
     places: Tensor
 
     def missing(self, places: Tensor) -> tuple[Tensor, Tensor]:
-        """Metres (F, P) of CLEARANCE that places (F, P, 3) miss, and directions (F, P, 3) outwards."""
-        parts = places.split([len(torso.vertices) for torso in self.torsos])
-        depths, outwards = zip(
-            *(torso.depths(part) for torso, part in zip(self.torsos, parts, strict=True)), strict=True
+        """Metres (F, P) of clearance that places (F, P, 3) miss, and directions (F, P, 3) outwards."""
+        parts = places.split([len(trunk.parts[0].vertices) for trunk in self.trunks])
+        missing, outwards = zip(
+            *(trunk.missing(part) for trunk, part in zip(self.trunks, parts, strict=True)), strict=True
         )
-        return (torch.cat(depths) + CLEARANCE).clamp(min=0.0), torch.cat(outwards)
+        return torch.cat(missing).clamp(min=0.0), torch.cat(outwards)
 
 
 def clear_arms(clip: Clip, body: Body, held: int = 0) -> Clip:
-    """Turn the upper arms of a clip on a body so that bones of forearms and hands stay out of the torso.
+    """Turn the upper arms of a clip on a body so that forearms and hands keep clear of torso and legs.
 
     held: number of frames at the end in which arms stay as they are.
 
     In each round, the turns w of a shoulder, in the axes of the joint that carries it, minimize the sum of
-    (a w - b)^2 over all places r of the arm (from the shoulder) that miss CLEARANCE by b, with a = r x n for
-    the direction n outwards, plus the weighted squares of w and of its second differences in time. Rotations
-    of other joints stay. Where that takes an arm inside in a frame in which it was outside, all is done again
-    with this frame among the others. Returns the clip itself where no arm is in the torso.
+    (a w - b)^2 over all places r of the arm (from the shoulder) that miss their clearance by b, with
+    a = r x n for the direction n outwards, plus the weighted squares of w and of its second differences in
+    time. Rotations of other joints stay. Where that takes an arm inside in a frame in which it was outside,
+    all is done again with this frame among the others. Returns the clip itself where no arm misses its
+    clearance.
     """
     transforms = _around_start(clip)
-    watched = _depths(body, transforms) > -CLEARANCE
+    watched = _missing(body, transforms) > 0.0
     smoothness = _smoothness(len(clip), clip.fps, held)
     cleared, inside = clip, watched
     for _ in range(PASSES):
@@ -86,7 +85,7 @@ def clear_arms(clip: Clip, body: Body, held: int = 0) -> Clip:
             break
         watched = watched | inside
         cleared = _cleared(clip, body, _deep_frames(body, transforms, watched), transforms, smoothness)
-        inside = (_depths(body, _around_start(cleared)) > 2.0 * TOLERANCE - CLEARANCE) & ~watched
+        inside = (_missing(body, _around_start(cleared)) > 2.0 * TOLERANCE) & ~watched
     return cleared
 
 
@@ -108,10 +107,10 @@ def _around_start(clip: Clip) -> Tensor:
     return replace(clip, translation=clip.translation - clip.translation[:1]).transforms()
 
 
-def _depths(body: Body, transforms: Tensor) -> Tensor:
-    """Metres (T,) by which the deepest place of an arm is inside the torso, negative outside."""
-    depths = arm_depth(body, transforms)
-    return depths.amax(1) if depths.numel() else depths.new_full((len(depths),), -torch.inf)
+def _missing(body: Body, transforms: Tensor) -> Tensor:
+    """Metres (T,) of clearance that an arm misses at the worst place, negative where all keep more."""
+    missing = missing_clearance(body, transforms)
+    return missing.amax(1) if missing.numel() else missing.new_full((len(missing),), -torch.inf)
 
 
 def _deep_frames(body: Body, transforms: Tensor, deep: Tensor) -> _DeepFrames:
@@ -119,7 +118,7 @@ def _deep_frames(body: Body, transforms: Tensor, deep: Tensor) -> _DeepFrames:
     indices = deep.nonzero()[:, 0]
     parts = transforms[indices].split(FRAMES_AT_ONCE)
     return _DeepFrames(
-        indices, [posed_torso(body, some) for some in parts], arm_places(body, transforms[indices])
+        indices, [posed_trunk(body, some) for some in parts], arm_places(body, transforms[indices])
     )
 
 

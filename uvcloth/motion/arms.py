@@ -1,4 +1,4 @@
-"""Depth of the bones of forearms and hands in the torso."""
+"""Distances of the bones of forearms and hands from torso and legs."""
 
 import math
 from dataclasses import dataclass
@@ -7,10 +7,19 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import TORSO_PART, part_alone
+from uvcloth.bodies.collider import LEG_PARTS, TORSO_PART, part_alone
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.motion.roles import joint_roles
+
+TORSO_CLEARANCE = 0.02
+"""Metres that bones of forearms and hands keep from the torso's skin: a forearm then touches it."""
+
+LEG_CLEARANCE = 0.01
+"""Metres that they keep from the skin of legs: a palm then touches it. Hands that hang have 1 to 2 cm."""
+
+CLEARANCES = {TORSO_PART: TORSO_CLEARANCE, **dict.fromkeys(LEG_PARTS, LEG_CLEARANCE)}
+"""Clearance of each part of the collider that arms stay out of."""
 
 FOREARM_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Places on the bone from elbow to wrist that are tested; the elbow itself may touch the ribs."""
@@ -19,15 +28,15 @@ HAND_SHARES = (0.6, 1.2, 1.8)
 """Places on the line from wrist to knuckles and on to the fingertips, in lengths of the palm."""
 
 POINTS_AT_ONCE = 32
-"""Points that are compared with all triangles of the torso at once."""
+"""Points that are compared with all triangles of a part at once."""
 
 FRAMES_AT_ONCE = 256
-"""Frames whose torsos are posed at once."""
+"""Frames whose parts are posed at once."""
 
 
 @dataclass(frozen=True)
-class PosedTorso:
-    """Torso of a body in F frames, closed where limbs and neck begin.
+class PosedPart:
+    """A part of a body in F frames, closed where others begin, and the clearance, m, that arms keep from it.
 
     vertices: (F, N, 3) m. normals: (F, N, 3), unit. faces: (M, 3).
     """
@@ -35,11 +44,12 @@ class PosedTorso:
     vertices: Tensor
     normals: Tensor
     faces: Tensor
+    clearance: float
 
-    def depths(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Depths (F, P) m of points (F, P, 3), negative outside, and unit directions (F, P, 3) outwards.
+    def missing(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Metres (F, P) of clearance that points (F, P, 3) miss, and unit directions (F, P, 3) outwards.
 
-        Both are by the nearest vertex.
+        Negative where points are farther away. Both are by the nearest vertex.
         """
         distance, nearest = torch.cdist(points, self.vertices).min(-1)
         at = nearest[..., None].expand(-1, -1, 3)
@@ -51,28 +61,47 @@ class PosedTorso:
             inside[frame, point] = winds_around(self.vertices[frame][:, self.faces], points[frame, point])
         sign = torch.where(inside, -1.0, 1.0)
         outwards = sign[..., None] * way / distance.clamp(min=1e-9)[..., None]
-        return -sign * distance, outwards
+        return self.clearance - sign * distance, outwards
 
 
-def posed_torso(body: Body, transforms: Tensor) -> PosedTorso:
-    """Torso of a body posed by joint transforms (F, J, 3, 4)."""
-    used, collider = part_alone(body, TORSO_PART)
-    faces = collider.parts[0]
-    vertices = collider.vertices(posed_skin(body, transforms, used))
-    return PosedTorso(vertices, vertex_normals(vertices, faces), faces)
+@dataclass(frozen=True)
+class PosedTrunk:
+    """The parts of a body that arms stay out of, posed in F frames."""
+
+    parts: tuple[PosedPart, ...]
+
+    def missing(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """As `PosedPart.missing`, of the part of which a point misses most."""
+        by_part = [part.missing(points) for part in self.parts]
+        missing, outwards = (torch.stack(some) for some in zip(*by_part, strict=True))
+        most, part = missing.max(0)
+        return most, outwards.gather(0, part[None, ..., None].expand(1, *points.shape))[0]
 
 
-def arm_depth(body: Body, transforms: Tensor) -> Tensor:
-    """Metres by which each arm's bones are inside the torso, at the deepest place; negative outside.
+def posed_trunk(body: Body, transforms: Tensor) -> PosedTrunk:
+    """The parts of a body that arms stay out of, posed by joint transforms (F, J, 3, 4)."""
+    parts = []
+    for part, clearance in CLEARANCES.items():
+        used, collider = part_alone(body, part)
+        if not len(used):
+            continue
+        faces = collider.parts[0]
+        vertices = collider.vertices(posed_skin(body, transforms, used))
+        parts.append(PosedPart(vertices, vertex_normals(vertices, faces), faces, clearance))
+    return PosedTrunk(tuple(parts))
+
+
+def missing_clearance(body: Body, transforms: Tensor) -> Tensor:
+    """Metres of clearance that each arm's bones miss at the worst place; negative where they keep more.
 
     transforms: (F, J, 3, 4) of the body. Returns (F, A) for the A arms that have forearm, hand and fingers.
     """
-    depths = [
-        posed_torso(body, some).depths(places.flatten(1, 2))[0].unflatten(1, places.shape[1:3]).amax(2)
+    missing = [
+        posed_trunk(body, some).missing(places.flatten(1, 2))[0].unflatten(1, places.shape[1:3]).amax(2)
         for some in transforms.split(FRAMES_AT_ONCE)
         if (places := arm_places(body, some)).numel()
     ]
-    return torch.cat(depths) if depths else transforms.new_zeros(len(transforms), 0)
+    return torch.cat(missing) if missing else transforms.new_zeros(len(transforms), 0)
 
 
 def winds_around(corners: Tensor, points: Tensor) -> Tensor:

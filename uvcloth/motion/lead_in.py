@@ -32,7 +32,7 @@ def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
 
     The body stands at rest under its first position, facing its first heading. It blends smoothly into the
     first pose, moved back along the first frame's velocity, and reaches that velocity as the clip begins.
-    Moved back, a swinging arm may get into the torso, where its sleeve comes off: `clear_arms` turns it out.
+    Moved back, a swinging arm may get into torso or legs: `clear_arms` turns it out.
     """
     begin = clip.window(0, 2)
     straight = replace(

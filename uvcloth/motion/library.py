@@ -114,7 +114,7 @@ def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = D
 
 def motion_on_body(source: MotionSource, body: Body, options: MotionOptions) -> Clip:
     """Put a motion on a body: unchanged rotations for AMASS on an SMPL body, otherwise retargeted, with arms
-    kept out of the torso if the options say so.
+    kept out of torso and legs if the options say so.
     """
     if fits_unchanged(source.rest.clip, body):
         return carried_over(source.rest.clip, body, options.fps)

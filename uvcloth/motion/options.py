@@ -43,7 +43,7 @@ class MotionOptions:
     in_place: bool = False
     """Keep the hips over one point of the floor."""
     clear_arms: bool = True
-    """Turn the upper arms so that forearms and hands of a retargeted motion stay out of the torso."""
+    """Turn the upper arms so that forearms and hands of a retargeted motion stay out of torso and legs."""
 
     def window(self, length: int) -> tuple[int, int]:
         """First frame and number of frames to use, of `length`. Raises InputError if there are none."""
