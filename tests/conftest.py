@@ -24,8 +24,12 @@ LATE = "tests/test_types.py"
 """The file that has less to do once the linter, which runs beside the tests, has left its cache."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests of LONG first, those of LATE last."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is marked as thorough without --thorough; put the tests of LONG first, of LATE last."""
+    if not config.getoption("thorough"):
+        left_out = [item for item in items if item.get_closest_marker("thorough")]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in left_out]
     items.sort(key=lambda item: (item.nodeid.startswith(LATE), not item.nodeid.startswith(LONG)))
 
 
@@ -52,6 +56,13 @@ def engines_of_others(request: pytest.FixtureRequest) -> None:
     """Skip a test of another engine without --thorough: they serve to compare, and take minutes."""
     if not request.config.getoption("thorough"):
         pytest.skip("an engine of others: --thorough")
+
+
+@pytest.fixture
+def coarse_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw the pictures in which faults are counted with a fifteenth of the pixels, one of a window."""
+    monkeypatch.setattr("evaluate.pixels.PIXEL", 0.03)
+    monkeypatch.setattr("evaluate.pixels.VIEWED_FRAMES", 1)
 
 
 @pytest.fixture(autouse=True)

@@ -13,6 +13,7 @@ from uvcloth.commands.examine_garment import examine
 from uvcloth.commands.fit import Fit
 from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
+from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.physics.method import Physics
@@ -27,6 +28,7 @@ def test_a_picture_shows_what_is_worn_and_what_is_refused(
 ) -> None:
     monkeypatch.setattr(examine_garment, "SIZE", (30, 44))
     monkeypatch.setattr(examine_garment, "MOMENTS", (0, 1, 2))
+    monkeypatch.setitem(QUALITIES, "default", QUALITIES["fast"])
     shirt = fit_template("tops", body).mesh
     save_obj(shirt, tmp_path / "shirt.obj")
     picture = tmp_path / "fit.png"

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -49,6 +50,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@cache
 def dataset(data: Path, losses: MotionGuidedLosses = LOSSES["tiny"]) -> GarmentDataset:
     return GarmentDataset(PRESETS["tiny"], losses, [data])
 

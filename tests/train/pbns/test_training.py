@@ -119,7 +119,7 @@ def trained(objective: PBNSObjective, steps: int) -> tuple[list[float], Any]:
     return energies, net
 
 
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.thorough), 2])
 def test_resuming_is_exact_though_visits_are_forgotten(threads: int, layered: Outfit, tmp_path: Path) -> None:
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
