@@ -4,12 +4,38 @@ import gc
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-import torch
 
-from uvcloth.bodies.body import Body, load_body
+if TYPE_CHECKING:
+    from uvcloth.bodies.body import Body
+
+BESIDE_TORCH = (
+    "sympy",
+    "scipy.stats",
+    "scipy.signal",
+    "networkx",
+    "pyvista",
+    "distributed",
+    "sklearn.manifold",
+)
+"""Modules whose compilation takes as long, together, as that of PyTorch."""
+
+
+def pytest_configure() -> None:
+    """Begin with other modules in the second of two processes than in the first, which begins with PyTorch.
+
+    Both import all of them: in a fresh environment each is then compiled once, not by both at the same time.
+    """
+    if os.environ.get("PYTEST_XDIST_WORKER") == "gw1":
+        for name in BESIDE_TORCH:
+            with suppress(ImportError):
+                import_module(name)
+
 
 LONG = (
     "tests/test_first_hour.py",
@@ -68,6 +94,8 @@ def coarse_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(autouse=True)
 def seeded() -> None:
     """The same random numbers in a test, whichever process it runs in and whatever ran there before."""
+    import torch
+
     torch.manual_seed(0)
 
 
@@ -97,6 +125,8 @@ def mocap_folder() -> Path:
 
 
 @pytest.fixture(scope="session")
-def body() -> Body:
+def body() -> "Body":
     """The body that ships with the package."""
+    from uvcloth.bodies.body import load_body
+
     return load_body()

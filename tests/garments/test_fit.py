@@ -109,7 +109,7 @@ def units_and_axes() -> Iterator[Any]:
             yield pytest.param(scale, up, template, marks=marks)
 
 
-@pytest.mark.parametrize(("scale", "up", "template"), units_and_axes())
+@pytest.mark.parametrize(("scale", "up", "template"), list(units_and_axes()))
 def test_units_and_axes_are_recognised(scale, up, template, shorts, skirt, tank_top, body, tmp_path):
     garment = {"bottoms": shorts, "dress": skirt, "tops": tank_top}[template]
     points = garment.vertices * scale
