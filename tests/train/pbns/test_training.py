@@ -47,6 +47,12 @@ LOOP = replace(LOOPS["tiny"], steps=4, batch=4, validate_every=4, schedule="cons
 FREELY = AttachmentConfig(pins=("none",), weights="smooth", train_weights="no")
 
 
+@pytest.fixture(autouse=True)
+def few_modes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Smooth gradients by a fifth of the eigenvectors, which take longest of what a run begins with."""
+    monkeypatch.setattr("train.pbns.smoothing.MODES", 40)
+
+
 @pytest.fixture(scope="module")
 def belt(body: Body) -> Outfit:
     """A strip of the shirt around the waist."""
