@@ -20,7 +20,7 @@ from tests.characters.test_characters import pieces
 from tests.export.glb_reader import GlbReader
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.characters.body import body_from_character
+from uvcloth.characters.body import CharacterBody, body_from_character
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
 from uvcloth.commands.play import Play
@@ -55,17 +55,24 @@ def character(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def character_body(character: Path, body: Body) -> Body:
-    """The character as a body of ours."""
-    return body_from_character(character, body).body
+def fitted(character: Path, body: Body) -> CharacterBody:
+    """The character as a body of ours, found once for all."""
+    return body_from_character(character, body)
 
 
 @pytest.fixture(scope="module")
-def hero(character: Path) -> Path:
+def character_body(fitted: CharacterBody) -> Body:
+    return fitted.body
+
+
+@pytest.fixture(scope="module")
+def hero(character: Path, fitted: CharacterBody) -> Path:
     """The character in two garments, walking."""
     path = character.with_name("baked.glb")
     command = Bake(("bottoms", "tops"), path, body=character, motion="walk", quality="fast", options=SOME)
-    bake(command)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("uvcloth.commands.bake_file.body_from_character", lambda *_: fitted)
+        bake(command)
     return path
 
 

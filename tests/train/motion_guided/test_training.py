@@ -71,7 +71,7 @@ def test_the_first_stage_resumes_exactly(data: Path, tmp_path: Path) -> None:
         assert torch.equal(tensor, parts[name]), name
 
 
-@pytest.mark.parametrize("past", ["own", "true"])
+@pytest.mark.parametrize("past", ["own", pytest.param("true", marks=pytest.mark.thorough)])
 def test_the_second_stage_resumes_exactly(past: str, data: Path, tmp_path: Path) -> None:
     losses = replace(LOSSES["tiny"], past=past)
     fit(ShapeObjective(dataset(data, losses), losses), tmp_path / "shape", LOOP, resume=False)
