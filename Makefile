@@ -19,7 +19,7 @@ compare: install
 test: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-# The tests of other cloth engines and of killed commands too.
+# The tests of other cloth engines, of killed commands and of more input of the same kinds too.
 thorough-test: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder --thorough
 

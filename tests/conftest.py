@@ -4,12 +4,38 @@ import gc
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-import torch
 
-from uvcloth.bodies.body import Body, load_body
+if TYPE_CHECKING:
+    from uvcloth.bodies.body import Body
+
+BESIDE_TORCH = (
+    "sympy",
+    "scipy.stats",
+    "scipy.signal",
+    "networkx",
+    "pyvista",
+    "distributed",
+    "sklearn.manifold",
+)
+"""Modules whose compilation takes as long, together, as that of PyTorch."""
+
+
+def pytest_configure() -> None:
+    """Begin with other modules in the second of two processes than in the first, which begins with PyTorch.
+
+    Both import all of them: in a fresh environment each is then compiled once, not by both at the same time.
+    """
+    if os.environ.get("PYTEST_XDIST_WORKER") == "gw1":
+        for name in BESIDE_TORCH:
+            with suppress(ImportError):
+                import_module(name)
+
 
 LONG = (
     "tests/test_first_hour.py",
@@ -24,8 +50,12 @@ LATE = "tests/test_types.py"
 """The file that has less to do once the linter, which runs beside the tests, has left its cache."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests of LONG first, those of LATE last."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is marked as thorough without --thorough; put the tests of LONG first, of LATE last."""
+    if not config.getoption("thorough"):
+        left_out = [item for item in items if item.get_closest_marker("thorough")]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in left_out]
     items.sort(key=lambda item: (item.nodeid.startswith(LATE), not item.nodeid.startswith(LONG)))
 
 
@@ -54,9 +84,18 @@ def engines_of_others(request: pytest.FixtureRequest) -> None:
         pytest.skip("an engine of others: --thorough")
 
 
+@pytest.fixture
+def coarse_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw the pictures in which faults are counted with a fifteenth of the pixels, one of a window."""
+    monkeypatch.setattr("evaluate.pixels.PIXEL", 0.03)
+    monkeypatch.setattr("evaluate.pixels.VIEWED_FRAMES", 1)
+
+
 @pytest.fixture(autouse=True)
 def seeded() -> None:
     """The same random numbers in a test, whichever process it runs in and whatever ran there before."""
+    import torch
+
     torch.manual_seed(0)
 
 
@@ -86,6 +125,8 @@ def mocap_folder() -> Path:
 
 
 @pytest.fixture(scope="session")
-def body() -> Body:
+def body() -> "Body":
     """The body that ships with the package."""
+    from uvcloth.bodies.body import load_body
+
     return load_body()

@@ -2,13 +2,15 @@
 
 import ast
 import re
-import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 from packaging.requirements import Requirement
+
+from tests.statements import statements
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("rasterize", "uvcloth", "train", "evaluate")
@@ -42,11 +44,12 @@ def requirements(groups: Iterable[str] | None = None) -> dict[str, str]:
     }
 
 
+@cache
 def imported(*folders: str) -> set[str]:
     """Modules of other packages that the code in folders imports."""
     found: set[str] = set()
     for path in (path for folder in folders for path in (ROOT / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in statements(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 found |= {name.name.partition(".")[0] for name in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -84,16 +87,3 @@ def test_what_is_declared_is_used() -> None:
     for name, extra in requirements().items():
         if name not in USED_BY_NAME:
             assert modules_of([name]) <= (tested if extra == "dev" else used), f"{name} is not imported"
-
-
-def test_warp_is_loaded_by_training_and_newton_alone() -> None:
-    """It takes a second to start, which nobody who dresses or simulates a motion should wait for."""
-    code = (
-        "import sys\n"
-        "import uvcloth.api, uvcloth.ready, uvcloth.rollout, uvcloth.garments.templates\n"
-        "import uvcloth.simulate.batch, uvcloth.simulate.run, uvcloth.commands.animate\n"
-        "import uvcloth.wardrobe.sew, evaluate.judge, evaluate.report\n"
-        "print([name for name in ('warp', 'newton') if name in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=ROOT)
-    assert done.stdout.strip() == "[]"

@@ -33,6 +33,10 @@ FREE = ("role ", "...", "CMU names", "joints without a role", "skin will show", 
 """Beginnings of lines that the page shortens, or that depend on the file."""
 
 
+FRAMES = 20
+"""Of each motion: what the commands print on the way does not depend on the length."""
+
+
 def printed_after(command: str) -> list[str]:
     """What the page says that a command prints, line by line."""
     after = PAGE[PAGE.index(f"    {command}\n") + len(command) + 5 :]
@@ -51,7 +55,7 @@ def worded(line: str) -> str:
 def files(tmp_path_factory: pytest.TempPathFactory, body: Body) -> Path:
     """A folder with what the reader brings: a motion in CMU's names, a garment of a DCC, a character."""
     folder = tmp_path_factory.mktemp("hour")
-    write_layout(load_clip("walk", body), FAMILIES["CMU"], folder / "mine.bvh")
+    write_layout(load_clip("walk", body).window(0, FRAMES), FAMILIES["CMU"], folder / "mine.bvh")
     write_character(folder / "hero.glb", stretched(body), pieces(body))
     shirt = fit_template("shirt", body).mesh
     x, y, z = (100 * (shirt.vertices - body.mesh.vertices.amin(0) * torch.tensor([0, 0, 1]))).unbind(1)
@@ -92,9 +96,10 @@ def test_the_commands_of_the_page_run_in_its_order(
     monkeypatch.setattr(live_view, "Viewer", Visit)
     monkeypatch.setitem(QUALITIES, "default", QUALITIES["fast"])
     for command in COMMANDS:
-        # Half a clip, on coarse cages, says what a whole one says on fine ones.
-        less = ["--frames", "0:60"] if "--motion walk" in command else []
-        monkeypatch.setattr(sys, "argv", [*shlex.split(command), *less])
+        # The beginning of a clip, on coarse cages and small pictures, says what a whole one says.
+        less = ["--frames", f"0:{FRAMES}"] if "--motion walk" in command else []
+        small = ["--size", "120x160"] if "--preview" in command else []
+        monkeypatch.setattr(sys, "argv", [*shlex.split(command), *less, *small])
         assert main() == 0, command
         streams = capsys.readouterr()
         printed = [worded(" ".join(line.split())) for line in (streams.out + streams.err).splitlines()]

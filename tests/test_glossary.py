@@ -3,10 +3,13 @@
 import ast
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
+
+from tests.statements import statements
 
 ROOT = Path(__file__).parents[1]
 FILES = sorted(
@@ -47,9 +50,15 @@ def names(source: str) -> Iterator[str]:
             yield node.attr
 
 
-def replaced_names(source: str) -> set[str]:
-    """The names of a module that the glossary has replaced."""
-    return {name for name in names(source) if name.strip("_") in REPLACED}
+@cache
+def names_in(path: Path) -> tuple[str, ...]:
+    """Every name that a module's file defines."""
+    return tuple(names(path.read_text(encoding="utf-8")))
+
+
+def replaced(defined: Iterable[str]) -> set[str]:
+    """The names that the glossary has replaced."""
+    return {name for name in defined if name.strip("_") in REPLACED}
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +66,7 @@ def counted() -> Counter[str]:
     """How often each name is defined, names of modules and folders included."""
     found: Counter[str] = Counter(part for path in FILES for part in (path.stem, path.parent.name))
     for path in FILES:
-        found.update(name.strip("_") for name in names(path.read_text(encoding="utf-8")))
+        found.update(name.strip("_") for name in names_in(path))
     return found
 
 
@@ -73,7 +82,7 @@ def test_names_of_the_glossary_are_in_the_code(counted: Counter[str]) -> None:
 
 def test_replaced_names_stay_away() -> None:
     assert [path for path in FILES if path.stem in REPLACED] == []
-    used = {path: replaced_names(path.read_text(encoding="utf-8")) for path in FILES}
+    used = {path: replaced(names_in(path)) for path in FILES}
     assert {
         path: {name: REPLACED[name.strip("_")] for name in names} for path, names in used.items() if names
     } == {}
@@ -90,7 +99,7 @@ def test_replaced_names_stay_away() -> None:
     ],
 )
 def test_a_name_that_comes_back_is_found(source: str, name: str) -> None:
-    assert replaced_names(source) == {name}
+    assert replaced(names(source)) == {name}
 
 
 @pytest.mark.parametrize("word", sorted(PARTICIPLES))
@@ -102,7 +111,8 @@ def test_participles_do_not_spread_as_names(counted: Counter[str], word: str) ->
 def test_docstrings_begin_with_what_a_thing_is_or_does() -> None:
     documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
     for path in FILES:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in (tree, *statements(tree)):
             if isinstance(node, documented):
                 first = (ast.get_docstring(node) or "").split(" ")[0]
                 assert first not in OPENINGS, f"{path}, {getattr(node, 'name', 'module')}: {first} ..."

@@ -65,6 +65,7 @@ def test_the_wheel_holds_every_module_and_all_data(wheel_names):
     assert not installed - wheel_names
 
 
+@pytest.mark.thorough
 def test_the_installed_wheel_works_from_another_folder(wheel, tmp_path):
     """With the packages of this environment; `python -m tests.wheel` installs those of the wheel."""
     venv, away = tmp_path / "venv", tmp_path / "away"

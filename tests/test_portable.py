@@ -88,19 +88,20 @@ def on_every_system(tree: ast.AST) -> Iterator[ast.AST]:
 def faults(source: str) -> Iterator[str]:
     """What in a module does not hold on every system, in words."""
     tree = ast.parse(source)
+    nodes = list(ast.walk(tree))
     documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
     sentences = {
         id(node.body[0].value)
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, documented) and node.body and isinstance(node.body[0], ast.Expr)
     }
     asked = {
         (call.args[0].id, call.args[1].value)
-        for call in ast.walk(tree)
+        for call in nodes
         if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "hasattr"
         if isinstance(call.args[0], ast.Name) and isinstance(call.args[1], ast.Constant)
     }
-    for node in on_every_system(tree):
+    for node in on_every_system(tree) if "sys.platform" in source else nodes:
         match node:
             case ast.Call():
                 yield from (f"line {node.lineno}: {fault}" for fault in faults_of_call(node))

@@ -15,9 +15,11 @@ from uvcloth.process.command import run_command
 from uvcloth.commands.animate import animate
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.threads import limited_threads
+from uvcloth.garments.cage import QUALITIES
 from uvcloth.motion.options import MotionOptions
 
 def main():
+    QUALITIES["default"] = QUALITIES["fast"]
     for threads in (1, 4):
         folder, options = Path(sys.argv[1]) / str(threads), MotionOptions(frames="40:42")
         out = tuple(folder / f"walk.{suffix}" for suffix in sys.argv[2].split())

@@ -30,10 +30,10 @@ def asymmetry(vertices: Tensor) -> float:
 @pytest.mark.parametrize(
     ("family", "template", "most"),
     [
-        ("smpl", "tops", 0.03),
         ("vroid", "bottoms", 0.04),
-        ("vroid_a", "shirt", 0.04),
         ("doll", "shirt", 0.03),
+        pytest.param("smpl", "tops", 0.03, marks=pytest.mark.thorough),
+        pytest.param("vroid_a", "shirt", 0.04, marks=pytest.mark.thorough),
     ],
 )
 def test_a_garment_of_another_body_is_worn_where_ours_would_be(

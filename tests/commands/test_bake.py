@@ -20,7 +20,7 @@ from tests.characters.test_characters import pieces
 from tests.export.glb_reader import GlbReader
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.characters.body import body_from_character
+from uvcloth.characters.body import CharacterBody, body_from_character
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
 from uvcloth.commands.play import Play
@@ -55,17 +55,24 @@ def character(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def character_body(character: Path, body: Body) -> Body:
-    """The character as a body of ours."""
-    return body_from_character(character, body).body
+def fitted(character: Path, body: Body) -> CharacterBody:
+    """The character as a body of ours, found once for all."""
+    return body_from_character(character, body)
 
 
 @pytest.fixture(scope="module")
-def hero(character: Path) -> Path:
+def character_body(fitted: CharacterBody) -> Body:
+    return fitted.body
+
+
+@pytest.fixture(scope="module")
+def hero(character: Path, fitted: CharacterBody) -> Path:
     """The character in two garments, walking."""
     path = character.with_name("baked.glb")
     command = Bake(("bottoms", "tops"), path, body=character, motion="walk", quality="fast", options=SOME)
-    bake(command)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("uvcloth.commands.bake_file.body_from_character", lambda *_: fitted)
+        bake(command)
     return path
 
 
@@ -152,36 +159,44 @@ def test_garments_of_a_character_lie_on_it(hero: Path) -> None:
         assert np.quantile(np.linalg.norm(gap, axis=1), 0.5) < 50 * MILLIMETRE
 
 
-@pytest.mark.parametrize("moved_by", ["its own animation", "another motion"])
+@pytest.mark.parametrize(
+    ("who", "motion"),
+    [
+        ("own", None),
+        ("hero", "kick"),
+        pytest.param("own", "kick", marks=pytest.mark.thorough),
+        pytest.param("hero", None, marks=pytest.mark.thorough),
+    ],
+)
 def test_what_is_played_is_what_the_runtime_says(
-    own: Path, hero: Path, tmp_path: Path, moved_by: str
+    who: str, motion: str | None, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
+    """By its own animation, and by another motion."""
     from uvcloth.commands.play_file import play
 
-    motion = None if moved_by == "its own animation" else "kick"
+    path: Path = request.getfixturevalue(who)
     options = MotionOptions(frames="0:9")
-    for path in (own, hero):
-        played = play(Play(path, tmp_path / "out.glb", motion, options))
-        assert played.written == (tmp_path / "out.glb",)
-        glb, baked = GlbReader.load(tmp_path / "out.glb"), open_baked(path)
-        assert not glb.gltf.extensionsUsed
-        assert len(glb.gltf.animations) == 1
-        arrays = play(Play(path, tmp_path / "out.npz", motion, options))
-        animation = load_animation(*arrays.written)
-        assert played.frames == len(animation.vertices[0]) == 9
-        for index, garment in enumerate(baked.garments):
-            for frame in (0, 8):
-                seen = glb.morphed(garment.name, glb.weights(garment.name, frame))
-                expected = animation.vertices[index][frame][garment.vertices]
-                np.testing.assert_allclose(seen, baked.in_scene(expected), atol=1e-5)
-                normals = glb.morphed(garment.name, glb.weights(garment.name, frame), "NORMAL")
-                np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-3)
-        if motion is None:
-            for frame in (0, 8):
-                body = "body" if path == own else "Body"
-                expected = GlbReader.load(path).posed(body, frame)
-                np.testing.assert_allclose(glb.posed(body, frame), expected, atol=1e-5)
-        np.testing.assert_allclose(glb.times(), np.arange(9) / 30.0, atol=1e-6)
+    played = play(Play(path, tmp_path / "out.glb", motion, options))
+    assert played.written == (tmp_path / "out.glb",)
+    glb, baked = GlbReader.load(tmp_path / "out.glb"), open_baked(path)
+    assert not glb.gltf.extensionsUsed
+    assert len(glb.gltf.animations) == 1
+    arrays = play(Play(path, tmp_path / "out.npz", motion, options))
+    animation = load_animation(*arrays.written)
+    assert played.frames == len(animation.vertices[0]) == 9
+    for index, garment in enumerate(baked.garments):
+        for frame in (0, 8):
+            seen = glb.morphed(garment.name, glb.weights(garment.name, frame))
+            expected = animation.vertices[index][frame][garment.vertices]
+            np.testing.assert_allclose(seen, baked.in_scene(expected), atol=1e-5)
+            normals = glb.morphed(garment.name, glb.weights(garment.name, frame), "NORMAL")
+            np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-3)
+    if motion is None:
+        for frame in (0, 8):
+            body = "body" if who == "own" else "Body"
+            expected = GlbReader.load(path).posed(body, frame)
+            np.testing.assert_allclose(glb.posed(body, frame), expected, atol=1e-5)
+    np.testing.assert_allclose(glb.times(), np.arange(9) / 30.0, atol=1e-6)
 
 
 def test_another_motion_is_retargeted_as_on_the_body(hero: Path, character_body: Body) -> None:

@@ -47,6 +47,8 @@ from uvcloth.methods.method import Method, Traits
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet, physxnet_checkpoint
 
+pytestmark = pytest.mark.usefixtures("coarse_pixels")
+
 SETTLING = 8
 FILE_MM = 0.05
 """How far a vertex read from a file may be from what was simulated."""

@@ -36,6 +36,8 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.method import Method
 
+pytestmark = pytest.mark.usefixtures("coarse_pixels")
+
 OUTFIT = "tops over bottoms"
 RADIUS = {"bottoms": 0.18, "tops": 0.21, "dress": 0.18}
 

@@ -14,6 +14,8 @@ from evaluate.show import viewer_clips
 from tests.train.deepsd.outfits import MadeUp, save_outfits
 from uvcloth.errors import InputError
 
+pytestmark = pytest.mark.usefixtures("coarse_pixels")
+
 BAND = (0.05, 0.15)
 """Heights of a narrow band around the waist, where tops and bottoms overlap, m."""
 

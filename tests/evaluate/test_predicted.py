@@ -33,6 +33,8 @@ from uvcloth.files.json_file import read_json
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import Mesh
 
+pytestmark = pytest.mark.usefixtures("coarse_pixels")
+
 SHIFT = np.array([0.0, 0.0, 0.01], np.float32)
 
 

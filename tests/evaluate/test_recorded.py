@@ -17,6 +17,8 @@ from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.rollout import rollout
 
+pytestmark = pytest.mark.usefixtures("coarse_pixels")
+
 FPS = 30.0
 
 

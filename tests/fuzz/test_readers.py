@@ -5,6 +5,7 @@ import signal
 import time
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import pytest
 
@@ -16,24 +17,37 @@ from tests.fuzz.target import Target, require
 from tests.fuzz.worker import FINE, Worker
 from uvcloth.errors import InputError
 
-CASES = 60
-"""Of each reader; `make fuzz` tries 10,000."""
+CASES, THOROUGH_CASES, LEAST = 30, 60, 3
+"""Of each reader, few of one that takes long; `make fuzz` tries 10,000."""
 
 
 @pytest.mark.parametrize("target", TARGETS.values(), ids=TARGETS)
-def test_mutated_files_end_as_documented(target: Target) -> None:
-    tally = try_reader(target, range(int(CASES * target.share)))
+def test_mutated_files_end_as_documented(target: Target, request: pytest.FixtureRequest) -> None:
+    thorough = request.config.getoption("thorough")
+    cases = int((THOROUGH_CASES if thorough else CASES) * target.share)
+    tally = try_reader(target, range(max(cases, LEAST)))
     assert [(number, words, outcome.kind, outcome.words) for number, words, outcome in tally.failures] == []
-    assert tally.kinds["refused"] > 0.2 * tally.kinds.total(), "mutations that a reader hardly ever sees"
+    share = 0.2 if thorough else 0.0
+    assert tally.kinds["refused"] > share * tally.kinds.total(), "mutations that a reader hardly ever sees"
+
+
+def all_targets(folder: Path) -> Target:
+    """All readers as one, which a single worker tries: each reads the files of its name in a folder."""
+
+    def read(path: Path) -> tuple[Target, Any]:
+        target = TARGETS[path.relative_to(folder).parts[0]]
+        return target, target.read(path)
+
+    return Target("all", good_file, read, lambda pair: pair[0].check(pair[1]))
 
 
 def test_a_pipe_in_the_place_of_any_file_is_refused_at_once(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr("tests.fuzz.worker.WALL_SECONDS", 10.0)
     outcomes = {}
-    for name, target in TARGETS.items():
-        corpus = Corpus(target, tmp_path / name)
-        files = [path.relative_to(corpus.good) for path in corpus.good.rglob("*") if path.is_file()]
-        with Worker(target) as worker:
+    with Worker(all_targets(tmp_path)) as worker:
+        for name, target in TARGETS.items():
+            corpus = Corpus(target, tmp_path / name)
+            files = [path.relative_to(corpus.good) for path in corpus.good.rglob("*") if path.is_file()]
             for file in files:
                 path = corpus.copy(tmp_path / name / "case")
                 pipe_instead(tmp_path / name / "case" / file, Random(0))

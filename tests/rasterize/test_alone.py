@@ -14,43 +14,51 @@ from tests.rasterize.exr_channels import read_channels
 
 ROOT = Path(__file__).parents[2]
 
-ONLY_RASTERIZE = """
+AND_MORE = """
 import sys
+import rasterize.closest, warp
 others = {name.partition(".")[0] for name in sys.modules} & {"uvcloth", "train", "evaluate"}
 assert not others, others
+print(warp.config.kernel_cache_dir)
 """
 
 
-def test_the_program_of_the_page_runs_without_the_rest_of_the_project(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with `rasterize` alone, for programs without a home."""
+    folder = tmp_path_factory.mktemp("alone")
+    shutil.copytree(ROOT / "rasterize", folder / "rasterize")
+    (folder / "file").touch()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def lines(folder: Path) -> list[str]:
+    """What the program of the page prints in that folder, and the folder of Warp's kernels."""
     page = (ROOT / "docs" / "maps.md").read_text(encoding="utf-8")
     (program,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    shutil.copytree(ROOT / "rasterize", tmp_path / "rasterize")
-    (tmp_path / "maps.py").write_text(program + ONLY_RASTERIZE, encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "maps.py"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    (folder / "maps.py").write_text(program + AND_MORE, encoding="utf-8")
+    others = ("XDG_CACHE_HOME", "WARP_CACHE_PATH", "PYTHONPATH")
+    usual = {key: value for key, value in os.environ.items() if key not in others}
+    homeless = usual | {"HOME": str(folder / "file" / "home"), "TMPDIR": str(folder)}
+    command = [sys.executable, "maps.py"]
+    done = subprocess.run(command, cwd=folder, env=homeless, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    numbers = re.fullmatch(r"(\d+) texels, 100% see the shell, which is found to (\S+) mm\n", done.stdout)
-    assert numbers, done.stdout
+    return done.stdout.splitlines()
+
+
+def test_the_program_of_the_page_runs_without_the_rest_of_the_project(folder: Path, lines: list[str]) -> None:
+    numbers = re.fullmatch(r"(\d+) texels, 100% see the shell, which is found to (\S+) mm", lines[0])
+    assert numbers, lines
     assert int(numbers[1]) > 0.4 * 256**2
     assert float(numbers[2]) < 0.5
-    assert sorted(read_channels(tmp_path / "offset.exr")) == ["offset.X", "offset.Y", "offset.Z"]
+    assert sorted(read_channels(folder / "offset.exr")) == ["offset.X", "offset.Y", "offset.Z"]
 
 
-def test_warp_starts_where_there_is_no_home(tmp_path: Path) -> None:
+def test_warp_starts_where_there_is_no_home(folder: Path, lines: list[str]) -> None:
     """Its cache of kernels then is a folder of this user's alone."""
-    (tmp_path / "file").touch()
-    usual = {
-        key: value for key, value in os.environ.items() if key not in ("XDG_CACHE_HOME", "WARP_CACHE_PATH")
-    }
-    homeless = usual | {"HOME": str(tmp_path / "file" / "home"), "TMPDIR": str(tmp_path)}
-    code = "import rasterize.closest, warp; print(warp.config.kernel_cache_dir)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, env=homeless, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    (cache,) = tmp_path.glob("warp-cache*")
-    assert done.stdout.strip().startswith(str(cache))
+    (cache,) = folder.glob("warp-cache*")
+    assert lines[-1].startswith(str(cache))
     assert cache.stat().st_mode & 0o077 == 0
 
 

@@ -51,7 +51,9 @@ class Interrupted(PhysXNetObjective):
                 signal.raise_signal(signal.SIGINT)
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize(
+    "variant", ["default", "adversarial", pytest.param("no memory", marks=pytest.mark.thorough)]
+)
 def test_resuming_gives_the_weights_of_an_uninterrupted_run(variant: str, data: Path, tmp_path: Path) -> None:
     network, losses = VARIANTS[variant]
 

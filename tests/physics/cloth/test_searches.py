@@ -26,9 +26,19 @@ WATCHED = 0.004
 """Metres more than where cloth touches the body within which a closest face is kept."""
 
 
+@pytest.fixture(scope="module")
+def true_distances() -> list[NDArray[np.float64]]:
+    """Distance (N,) of each point from each part of `bumps_and_box`, by a search of all faces."""
+    surface, parts, points, _ = bumps_and_box()
+    meshes = [trimesh.Trimesh(surface, triangles, process=False) for triangles in parts]
+    return [trimesh.proximity.closest_point_naive(mesh, points)[1] for mesh in meshes]
+
+
 @pytest.mark.parametrize("guessed", [False, True])
 @pytest.mark.parametrize("reach", [0.05, 0.5])
-def test_the_closest_face_is_that_of_a_search_of_all_faces(reach: float, guessed: bool) -> None:
+def test_the_closest_face_is_that_of_a_search_of_all_faces(
+    reach: float, guessed: bool, true_distances: list[NDArray[np.float64]]
+) -> None:
     """On a ball with bumps and a box; hints are those of other vertices, so that they may not matter."""
     surface, parts, points, draw = bumps_and_box()
     made = loose(surface, parts, points, Settings(radius=reach - WATCHED, reach=reach, self_contact=False))
@@ -38,9 +48,7 @@ def test_the_closest_face_is_that_of_a_search_of_all_faces(reach: float, guessed
         state = replace(state, near=replace(state.near, faces=hints.astype(np.int32)))
     found = step(made, state, still(made, points, surface, surface, INSTANT)).near.faces
     faces = np.concatenate(parts)
-    for part, triangles in enumerate(parts):
-        mesh = trimesh.Trimesh(surface, triangles, process=False)
-        _, expected, _ = trimesh.proximity.closest_point_naive(mesh, points)
+    for part, expected in enumerate(true_distances):
         rows = np.nonzero(found[part] >= 0)[0]
         assert ((found[part, rows] >= len(parts[0])) == (part == 1)).all()
         np.testing.assert_array_equal(rows, np.nonzero(expected < reach)[0])
@@ -184,7 +192,7 @@ def test_pairs_are_found_that_only_come_near_before_the_next_search() -> None:
     start, velocities = points.numpy(), speeds.numpy()
     found = found_pairs(made, start, velocities, 0.01)
     assert not any(keys(pairs[distances < MARGIN]) for pairs, distances in all_pairs(made.sheet, start))
-    for share in (0.3, 0.6, 1.0):
+    for share in (0.5, 1.0):
         moved = start + np.float32(0.01 * share) * velocities
         for near, (pairs, distances) in zip(found, all_pairs(made.sheet, moved), strict=True):
             assert keys(pairs[distances < MARGIN - ROUNDING]) <= near

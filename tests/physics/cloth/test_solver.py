@@ -57,7 +57,7 @@ def energy(state: State, rest: Tensor, faces: Tensor, mass: NDArray, weight: NDA
     return float(carried.sum() + elastic)
 
 
-@pytest.mark.parametrize("rows", [20, 30, 60])
+@pytest.mark.parametrize("rows", [20, 30, pytest.param(60, marks=pytest.mark.thorough)])
 def test_a_hanging_sheet_swings_with_the_period_of_a_rope_at_any_resolution(rows: int) -> None:
     length = 0.3
     rest, faces = sheet(length, length, rows, rows)

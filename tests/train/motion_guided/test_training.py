@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -49,6 +50,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@cache
 def dataset(data: Path, losses: MotionGuidedLosses = LOSSES["tiny"]) -> GarmentDataset:
     return GarmentDataset(PRESETS["tiny"], losses, [data])
 
@@ -69,7 +71,7 @@ def test_the_first_stage_resumes_exactly(data: Path, tmp_path: Path) -> None:
         assert torch.equal(tensor, parts[name]), name
 
 
-@pytest.mark.parametrize("past", ["own", "true"])
+@pytest.mark.parametrize("past", ["own", pytest.param("true", marks=pytest.mark.thorough)])
 def test_the_second_stage_resumes_exactly(past: str, data: Path, tmp_path: Path) -> None:
     losses = replace(LOSSES["tiny"], past=past)
     fit(ShapeObjective(dataset(data, losses), losses), tmp_path / "shape", LOOP, resume=False)
