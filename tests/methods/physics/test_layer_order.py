@@ -47,7 +47,7 @@ def worn(outfit: Outfit, caged: CagedOutfit, outwards: float) -> tuple[torch.Ten
 
 
 def beyond(outfit: Outfit, points: torch.Tensor, skirt: torch.Tensor) -> torch.Tensor:
-    """Mask (n,) of points from which a horizontal ray to the body's axis meets the outer side of the skirt."""
+    """Mask (n,) of points from which a horizontal ray to the axis meets the outer side of the skirt."""
     to_axis = -points * torch.tensor([1.0, 1.0, 0.0])
     shell = Shell(skirt, outfit.garments[1].mesh.faces)
     distance, facing = shell.first_hit(points, torch.nn.functional.normalize(to_axis, dim=1), 0.15)
