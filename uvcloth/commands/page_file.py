@@ -26,8 +26,8 @@ MODULES = (
     *("runtime.js", "cloth.js", "figure.js", "covered.js", "strain.js", "cage.js", "overlays.js"),
     *("transition.js", "limb.js", "grip.js", "motion.js", "playback.js", "roles.js", "retarget.js", "bvh.js"),
     *("layout.js", "scene.js", "hand.js", "keys.js", "files.js", "arrays.js", "frames.js", "pane.js"),
-    *("skinning.js", "recurrent.js", "methods.js", "beside.js", "errors.js", "curve.js", "comparison.js"),
-    *("opening.js", "page.js"),
+    *("skinning.js", "perceptron.js", "recurrent.js", "pose.js", "methods.js", "beside.js"),
+    *("errors.js", "curve.js", "comparison.js", "opening.js", "page.js"),
 )
 """Modules of the page, each after those that it imports."""
 

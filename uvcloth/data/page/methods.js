@@ -2,6 +2,7 @@
 import { bytesOf, makeWorker } from "./files.js";
 import { readFrames } from "./frames.js";
 import { Pane } from "./pane.js";
+import { readPose } from "./pose.js";
 import { readRecurrent } from "./recurrent.js";
 import { Skinning } from "./skinning.js";
 
@@ -36,6 +37,7 @@ export function methodsOf({ cloth }, described, wasm, adjust) {
   const makers = {
     outfit: ({ name, file }) => add("cloth", "live", () => clothOf(cloth, wasm, file, adjust), { quality: name }),
     recurrent: ({ name, file }) => add(name, "live", () => shownBy(readRecurrent(file, cloth), cloth)),
+    pose: ({ name, file }) => add(name, "live", () => shownBy(readPose(file, cloth), cloth)),
     frames: ({ name, file }) => add(name, STORED, () => shownBy(readFrames(file, cloth), cloth)),
     truth: ({ name, file }) => add(name, STORED, () => shownBy(readFrames(file, cloth), cloth), { isTruth: true }),
   };
