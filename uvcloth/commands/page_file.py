@@ -115,7 +115,8 @@ def _methods(character: Character) -> str:
     for method in character.methods:
         file = {} if method.content is None else {"file": quote(character.file_of(method))}
         warm_up = {} if method.warm_up is None else {"warmUp": method.warm_up}
-        entries.append({"name": method.name, "kind": method.kind, **file, **warm_up})
+        worn = {} if method.worn is None else {"worn": method.worn}
+        entries.append({"name": method.name, "kind": method.kind, **file, **warm_up, **worn})
     return json.dumps(entries) if entries else ""
 
 
