@@ -4,6 +4,7 @@ import base64
 import html
 import json
 import re
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -126,7 +127,7 @@ def _option(value: str, text: str, methods: str = "") -> str:
 
 
 def _joined(page: str, parts: Mapping[str, bytes]) -> str:
-    """The page with everything in it: modules by an import map, the rest as base64."""
+    """The page with everything in it: modules by an import map, the rest deflated, as base64."""
 
     def source(name: str) -> str:
         return (SOURCES / name).read_text(encoding="utf-8")
@@ -140,7 +141,8 @@ def _joined(page: str, parts: Mapping[str, bytes]) -> str:
     # The worker has no import map: it gets its only module in its own text.
     worker = re.sub(r"^import .*\n", "", source("worker.js"), flags=re.MULTILINE)
     runtime = re.sub(r"^export ", "", source("runtime.js"), flags=re.MULTILINE)
-    inside = {"worker.js": f"{runtime}\n{worker}".encode(), **parts}
+    deflated = {name: zlib.compress(content, 9) for name, content in parts.items()}
+    inside = {"worker.js": f"{runtime}\n{worker}".encode(), **deflated}
     scripts = [
         f'<script type="text/plain" data-file="{html.escape(quote(name))}">'
         f"{base64.b64encode(content).decode()}</script>"

@@ -59,10 +59,7 @@ def pack(
 
 
 def unpack(content: bytes) -> tuple[dict[str, NDArray[Any]], dict[str, float]]:
-    """Arrays, of one or more columns, and steps, of bytes that `pack` wrote and the runtime has read.
-
-    Raises ValueError for bytes that are cut.
-    """
+    """Arrays, of one or more columns, and steps, of bytes that the runtime has read, as `pack` takes them."""
     arrays: dict[str, NDArray[Any]] = {}
     steps: dict[str, float] = {}
     first = _HEADER.size + _CHECKED.size
@@ -72,10 +69,8 @@ def unpack(content: bytes) -> tuple[dict[str, NDArray[Any]], dict[str, float]]:
     ):
         name, code = padded.rstrip(b"\0").decode(), np.frombuffer(content, np.uint8, size, begin)
         numbers = np.zeros(rows * columns, np.int32)
-        if numbers.size and not library().uvc_decode_section(
-            pointer(np.ascontiguousarray(code)), len(code), pointer(numbers), rows, columns
-        ):
-            raise ValueError(f"section {name} is cut")
+        if numbers.size:
+            library().uvc_decode_section(pointer(code), len(code), pointer(numbers), rows, columns)
         if kind == _STEPS:
             steps[name] = step
         values = numbers.view(np.float32) if kind == _FLOATS else numbers * (step if kind == _STEPS else 1)

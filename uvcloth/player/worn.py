@@ -27,10 +27,7 @@ OF_POINTS = ("points.rest", "fine.touches", "fine.thickness", "layers.touches")
 
 
 def without_others(content: bytes, worn: Sequence[int]) -> bytes:
-    """An outfit as `bake_outfit` makes it, of which only some garments, in their order, are left.
-
-    Raises ValueError for bytes that are cut.
-    """
+    """An outfit that the runtime has read, of which only some garments, in their order, are left."""
     sections, steps = unpack(content)
     old = dict(sections)
     kept = np.zeros(len(old["garments.starts"]) - 1, bool)
