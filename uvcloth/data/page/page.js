@@ -23,6 +23,7 @@ const PICTURE = 1 / AVERAGED; // share of a picture in the mean of the last ones
 const TOO_LONG = 1000 / FPS; // milliseconds that a frame of cloth takes where its playback slows down
 const NARROW = "(max-width: 600px)";
 const MARGIN = 12; // pixels around the panes
+const retargeted = new WeakSet(); // animations of .bvh files
 const pictures = { shown: 0, drawn: 0 }; // milliseconds
 
 let stage, updateSkin, hand, keys, playback, beside, comparison, overlays, opened, animations, wasm, current, costs = [], opening = 0, showing = 0, isOpening = false;
@@ -88,6 +89,7 @@ async function begin(described) {
   hand.show(playback);
   keys.show();
   control("errors").hidden = !truth;
+  control("retargeted").hidden = true;
   listQualities(methods);
   listGarments();
   globalThis.uvcloth = { cloth, playback, stage, hand, beside, comparison }; // for the browser's console
@@ -156,6 +158,7 @@ function play(clip, time) {
   if (clip === playback.compared) playback.start(clip, time);
   else playback.goTo(clip, time);
   control("time").max = playback.last;
+  control("retargeted").hidden = !retargeted.has(clip);
 }
 
 /** Go to a time while it is chosen: the compared animation is shown there, any other one goes over to it. */
@@ -174,7 +177,7 @@ function listAnimations() {
 function listQualities(methods) {
   const qualities = methods.filter(({ quality }) => quality);
   control("quality").replaceChildren(...qualities.map(({ quality }) => new Option(quality, methods.findIndex((each) => each.quality === quality))));
-  control("quality").disabled = qualities.length < 2;
+  control("quality").closest("label").hidden = qualities.length < 2;
 }
 
 function changeQuality() {
@@ -245,6 +248,7 @@ async function addMotion(file) {
     const { figure } = playback, clip = retarget(readBvh(await file.text()), figure, file.name);
     if (figure !== playback.figure) return;
     animations.push(clip);
+    retargeted.add(clip);
     listAnimations();
     control("animation").value = animations.length - 1;
     say("");
@@ -298,14 +302,15 @@ function connect() {
   });
 }
 
-/** Divide the page among the panes: one has all of it, several what the controls leave free. */
+/** Divide the page among the panes: one has all of it, or, as several, what the controls leave free. */
 function divide() {
   const { panes } = playback, { clientWidth: width, clientHeight: height } = stage.canvas;
-  const place = { left: 0, top: 0, width, height };
-  if (panes.length > 1) {
-    const { left, bottom } = control("controls").getBoundingClientRect(), isNarrow = matchMedia(NARROW).matches;
+  const place = { left: 0, top: 0, width, height }, isNarrow = matchMedia(NARROW).matches, { open } = control("controls");
+  if (panes.length > 1 || (isNarrow && open)) {
+    const { left, bottom } = control("controls").getBoundingClientRect();
     place.left = place.top = MARGIN;
-    if (isNarrow) place.top += control("controls").open ? 0 : bottom;
+    // Several panes are too small below controls that are open.
+    if (isNarrow && !(open && panes.length > 1)) place.top += bottom;
     place.width = (isNarrow ? width : left) - 2 * MARGIN;
     place.height = control("bar").getBoundingClientRect().top - place.top - MARGIN;
   }
