@@ -2,12 +2,13 @@
 
 Run from the checkout with PYTHONPATH=. as
 
-    python benchmarks/page.py [GLB ...] [--frames 60] [--rounds 7]
+    python benchmarks/page.py [GLB ...] [--frames 60] [--rounds 7] [--worn 0]
     python benchmarks/page.py [GLB] --minutes 10
 
 with Chromium, on Linux, and the module of `make wasm`. GLB: what `uvcloth bake` wrote, with an animation;
 without one, a dress in both qualities and three layers are baked, which walk. Both play the same frames, in
-turns, round after round; nothing is drawn meanwhile. For each file it prints the median and the least of the
+turns, round after round; nothing is drawn meanwhile. --worn: places of the garments that are left of each
+file, the innermost first, where others are taken off. For each file it prints the median and the least of the
 rounds' mean milliseconds of a frame, vertices included: of processor time of the native player's and of the
 worker's thread, which other programs on the machine change less, and by the clock; and how far the worker's
 vertices are from the native ones. With --minutes the page plays, draws in software, and prints each minute
@@ -42,6 +43,7 @@ from uvcloth.commands.page_file import write_page
 from uvcloth.errors import InputError
 from uvcloth.player.baked import open_baked
 from uvcloth.player.outfit import Cloth, Outfit
+from uvcloth.player.worn import without_others
 from uvcloth.process.command import run_command
 
 BAKED: tuple[tuple[str, tuple[str, ...], Quality], ...] = (
@@ -63,6 +65,15 @@ OPEN = """(async () => {
 })()"""
 """Open a file of the page in a worker, without the page."""
 
+TAKE_OFF = """(async () => {
+  const { bytesOf, makeWorker } = await import("./files.js"), whole = cloth;
+  const bytes = Uint8Array.from(atob("%s"), (letter) => letter.charCodeAt(0));
+  const wasm = await bytesOf("uvcloth.wasm");
+  globalThis.cloth = await whole.withOutfit(makeWorker(), wasm, bytes, whole.garments, %s);
+  whole.worker.terminate();
+})()"""
+"""Go on with an outfit, as bytes, of fewer garments."""
+
 BEGIN = """(async () => {
   const bytes = Uint8Array.from(atob("%s"), (letter) => letter.charCodeAt(0));
   globalThis.joints = new Float64Array(bytes.buffer);
@@ -75,7 +86,8 @@ PLAY = """(async () => {
   for (let k = 0; k < joints.length; k += row)
     frames.push((await cloth.step(joints.slice(k, k + row), 1 / %g)).vertices);
   const seconds = (performance.now() - begun) / 1e3;
-  globalThis.shown = frames.flat().flatMap((each) => Array.from(each, (number) => Math.round(number * 1e6)));
+  const rounded = (each) => Array.from(each, (number) => Math.round(number * 1e6));
+  globalThis.shown = frames.flat().filter(Boolean).flatMap(rounded);
   return seconds;
 })()"""
 """Play them; the seconds that it takes. Vertices stay behind, in micrometres."""
@@ -93,6 +105,8 @@ class Pages:
     """Frames of a round."""
     rounds: int = 7
     """Rounds of each file."""
+    worn: tuple[int, ...] = ()
+    """Places of the garments that are left, the innermost first; all where none is named."""
     minutes: int = 0
     """Minutes in which memory is watched instead."""
 
@@ -118,10 +132,14 @@ class Pages:
         baked = open_baked(path)
         joints = baked.motion(fps=FPS).transforms[: self.frames]
         browser.value(OPEN % path.name)
+        content = baked.content
+        if self.worn:
+            content = without_others(content, self.worn)
+            browser.value(TAKE_OFF % (base64.b64encode(content).decode(), list(self.worn)))
         costs, loads = [], []
         for _ in range(self.rounds):
             loads.append(os.getloadavg()[0])
-            cloth = Cloth(Outfit(baked.content))
+            cloth = Cloth(Outfit(content))
             cloth.start(joints[0])
             begun = time.thread_time(), time.perf_counter()
             frames = [_step(cloth, each) for each in joints]
