@@ -22,7 +22,7 @@ SECONDS = 120.0
 
 
 class Chromium:
-    """One page of a browser. errors: what its console has said in red."""
+    """One page of a browser. errors: what its console has said in red. pid: of the program."""
 
     def __init__(self, folder: Path) -> None:
         """Start it, with a profile in a folder."""
@@ -37,6 +37,7 @@ class Chromium:
             stderr=subprocess.DEVNULL,
             env=os.environ | {"HOME": str(folder)},
         )
+        self.pid = self._process.pid
         port_file = profile / "DevToolsActivePort"
         _wait(lambda: port_file.exists() and len(port_file.read_text().split()) > 1)
         port = port_file.read_text().split()[0]

@@ -61,7 +61,7 @@ class Page:
         arg(
             metavar="NAME|RUN ...",
             help=f"With --simulated: methods over its motion, without a finish: {list_methods()}; or "
-            f"{TRAINED}. A recurrent one is played by the visitor's browser, others from stored frames.",
+            f"{TRAINED}. Those that are rigs are played by the visitor's browser, others from stored frames.",
             help_behavior_hint="",
         ),
         Several(distinct=True),

@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, combinations
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,20 @@ from uvcloth.commands.page_methods import PageMethod
 from uvcloth.errors import InputError
 from uvcloth.player.baked import BakedFile, open_baked
 from uvcloth.player.outfit import Outfit
+from uvcloth.player.worn import without_others
 
 SHOWN = {"dress": ("dress",), "trousers and shirt": ("bottoms", "tops")}
 """Garments of the files that are baked where none is given, on our own body."""
 
 CLIPS = ("walk", "twirl", "jump", "dance")
 """Built-in clips that are the animations of these files."""
+
+
+AS_BAKED = "as it was baked"
+"""What the page calls the quality of a file that it has in no other."""
+
+MOST_LAYERS = 3
+"""Garments of a file up to which the page has an outfit for each set of them, of 0.4 to 0.6 MB."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +61,25 @@ def load_characters(paths: Sequence[Path], fast: Sequence[Path]) -> tuple[Charac
         if path.name in characters:
             raise InputError(f"page: {path.name} is there twice; a page has one file of a name")
         baked = open_whole(path)
-        methods: tuple[PageMethod, ...] = ()
+        methods = _fewer(AS_BAKED, baked)
         if fast:
             other = open_whole(fast[place])
             _require_same(other, baked)
-            methods = (PageMethod("default", "baked"), PageMethod("fast", "outfit", other.content))
+            qualities = (PageMethod("default", "baked"), PageMethod("fast", "outfit", other.content))
+            methods = (*qualities, *_fewer("default", baked), *_fewer("fast", other))
         characters[path.name] = Character(path.name, path.read_bytes(), methods)
     return tuple(characters.values())
+
+
+def _fewer(quality: str, baked: BakedFile) -> tuple[PageMethod, ...]:
+    """Outfits with some of the garments of a file; none where there are more than `MOST_LAYERS`."""
+    garments = range(len(baked.garments))
+    if len(garments) > MOST_LAYERS:
+        return ()
+    sets = chain.from_iterable(combinations(garments, count) for count in garments if count)
+    return tuple(
+        PageMethod(quality, "fewer", without_others(baked.content, worn), worn=worn) for worn in sets
+    )
 
 
 def open_whole(path: Path, animated: bool = True) -> BakedFile:

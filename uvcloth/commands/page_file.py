@@ -4,6 +4,7 @@ import base64
 import html
 import json
 import re
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -26,8 +27,8 @@ MODULES = (
     *("runtime.js", "cloth.js", "figure.js", "covered.js", "strain.js", "cage.js", "overlays.js"),
     *("transition.js", "limb.js", "grip.js", "motion.js", "playback.js", "roles.js", "retarget.js", "bvh.js"),
     *("layout.js", "scene.js", "hand.js", "keys.js", "files.js", "arrays.js", "frames.js", "pane.js"),
-    *("skinning.js", "recurrent.js", "methods.js", "beside.js", "errors.js", "curve.js", "comparison.js"),
-    *("opening.js", "page.js"),
+    *("skinning.js", "perceptron.js", "recurrent.js", "pose.js", "methods.js", "beside.js"),
+    *("errors.js", "curve.js", "comparison.js", "opening.js", "page.js"),
 )
 """Modules of the page, each after those that it imports."""
 
@@ -115,7 +116,8 @@ def _methods(character: Character) -> str:
     for method in character.methods:
         file = {} if method.content is None else {"file": quote(character.file_of(method))}
         warm_up = {} if method.warm_up is None else {"warmUp": method.warm_up}
-        entries.append({"name": method.name, "kind": method.kind, **file, **warm_up})
+        worn = {} if method.worn is None else {"worn": method.worn}
+        entries.append({"name": method.name, "kind": method.kind, **file, **warm_up, **worn})
     return json.dumps(entries) if entries else ""
 
 
@@ -125,7 +127,7 @@ def _option(value: str, text: str, methods: str = "") -> str:
 
 
 def _joined(page: str, parts: Mapping[str, bytes]) -> str:
-    """The page with everything in it: modules by an import map, the rest as base64."""
+    """The page with everything in it: modules by an import map, the rest deflated, as base64."""
 
     def source(name: str) -> str:
         return (SOURCES / name).read_text(encoding="utf-8")
@@ -139,7 +141,8 @@ def _joined(page: str, parts: Mapping[str, bytes]) -> str:
     # The worker has no import map: it gets its only module in its own text.
     worker = re.sub(r"^import .*\n", "", source("worker.js"), flags=re.MULTILINE)
     runtime = re.sub(r"^export ", "", source("runtime.js"), flags=re.MULTILINE)
-    inside = {"worker.js": f"{runtime}\n{worker}".encode(), **parts}
+    deflated = {name: zlib.compress(content, 9) for name, content in parts.items()}
+    inside = {"worker.js": f"{runtime}\n{worker}".encode(), **deflated}
     scripts = [
         f'<script type="text/plain" data-file="{html.escape(quote(name))}">'
         f"{base64.b64encode(content).decode()}</script>"

@@ -1,4 +1,4 @@
-"""Trained models of a web page: a visitor's browser plays recurrent rigs, and stored frames of others."""
+"""Trained models of a web page: a visitor's browser plays rigs, and stored frames of others."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,12 +10,15 @@ from uvcloth.commands.page_methods import PageMethod
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.errors import InputError
 from uvcloth.export.page_frames import pack_frames
+from uvcloth.export.page_pose import pack_pose
 from uvcloth.export.page_recurrent import pack_recurrent
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_outfit
-from uvcloth.methods.capabilities import before_finish
-from uvcloth.methods.recurrent.method import Recurrent
+from uvcloth.methods.capabilities import Riggable, before_finish
+from uvcloth.methods.method import Method
+from uvcloth.methods.recurrent.rig import RecurrentRig
 from uvcloth.methods.registry import load_method
+from uvcloth.methods.rig import PoseRig
 from uvcloth.physics.fabric import FabricName
 from uvcloth.rollout import rollout
 
@@ -23,9 +26,9 @@ from uvcloth.rollout import rollout
 def recurrent_of(names: Sequence[str]) -> PageMethod:
     """The recurrent rig that ships, of some templates on our own body."""
     body = load_body()
-    method = load_method("recurrent", body)
-    assert isinstance(method, Recurrent)
-    return _recurrent(method, body, load_outfit(names, body))
+    rigged = _rigged(load_method("recurrent", body), body, load_outfit(names, body))
+    assert rigged is not None
+    return rigged
 
 
 def model_methods(
@@ -55,8 +58,8 @@ def model_methods(
         outfit = Outfit(on, (loaded,))
         if reason := method.unsupported_reason(outfit):
             raise InputError(f"--model {model}: {reason}")
-        if isinstance(method, Recurrent):
-            methods.append(_recurrent(method, on, (loaded,)))
+        if rigged := _rigged(method, on, (loaded,)):
+            methods.append(rigged)
             continue
         frames = rollout(method, outfit, clip.transforms.double(), clip.fps, clear=False)
         points = torch.stack([frame.in_world().vertices[0] for frame in frames])
@@ -66,5 +69,10 @@ def model_methods(
     return methods
 
 
-def _recurrent(method: Recurrent, body: Body, garments: tuple[Garment, ...]) -> PageMethod:
-    return PageMethod(method.name, "recurrent", pack_recurrent(method.as_rig(body, garments)))
+def _rigged(method: Method, body: Body, garments: tuple[Garment, ...]) -> PageMethod | None:
+    """A method as a rig that the browser plays, None if it is none."""
+    riggable = method.capability(Riggable)
+    rig = riggable.as_rig(body, garments) if riggable else None
+    if isinstance(rig, RecurrentRig):
+        return PageMethod(method.name, "recurrent", pack_recurrent(rig))
+    return PageMethod(method.name, "pose", pack_pose(rig)) if isinstance(rig, PoseRig) else None

@@ -58,6 +58,26 @@ def pack(
     return _HEADER.pack(MAGIC, VERSION, zlib.adler32(checked)) + checked
 
 
+def unpack(content: bytes) -> tuple[dict[str, NDArray[Any]], dict[str, float]]:
+    """Arrays, of one or more columns, and steps, of bytes that the runtime has read, as `pack` takes them."""
+    arrays: dict[str, NDArray[Any]] = {}
+    steps: dict[str, float] = {}
+    first = _HEADER.size + _CHECKED.size
+    _, count = _CHECKED.unpack_from(content, _HEADER.size)
+    for padded, kind, rows, columns, begin, size, step in _ENTRY.iter_unpack(
+        content[first : first + count * _ENTRY.size]
+    ):
+        name, code = padded.rstrip(b"\0").decode(), np.frombuffer(content, np.uint8, size, begin)
+        numbers = np.zeros(rows * columns, np.int32)
+        if numbers.size:
+            library().uvc_decode_section(pointer(code), len(code), pointer(numbers), rows, columns)
+        if kind == _STEPS:
+            steps[name] = step
+        values = numbers.view(np.float32) if kind == _FLOATS else numbers * (step if kind == _STEPS else 1)
+        arrays[name] = values.reshape(rows, columns) if columns > 1 else values
+    return arrays, steps
+
+
 def _name(name: str) -> bytes:
     encoded = name.encode()
     if not encoded or len(encoded) > MOST_NAME or b"\0" in encoded:

@@ -42,9 +42,11 @@ def test_a_bvh_file_is_retargeted_as_the_laboratory_does_it(
         browser.value(DROP % (name, name))
         browser.wait_for(f"{SAID}.startsWith('{name}')", 30.0)
         assert words in browser.value(SAID)
+    note = "document.getElementById('retargeted').hidden"
+    assert browser.value(note)
     (folder / "moves.bvh").write_text(text)
     browser.value(DROP % ("moves.bvh", "moves.bvh"))
-    browser.wait_for("uvcloth.playback.clip.name === 'moves.bvh'", 30.0)
+    browser.wait_for(f"uvcloth.playback.clip.name === 'moves.bvh' && !{note}", 30.0)
     assert browser.value(SAID) == ""
     frames = browser.value(
         """(() => {

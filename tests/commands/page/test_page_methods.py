@@ -19,6 +19,7 @@ from uvcloth.dataset.clip_file import load_simulated, save_simulated
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit as Dressed
 from uvcloth.garments.loading import load_outfit
+from uvcloth.methods.capabilities import before_finish
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.options import MotionOptions
 from uvcloth.player.baked import BakedFile, open_baked
@@ -180,39 +181,48 @@ def test_errors_are_those_against_the_stored_simulation(
 
 @needs_wasm
 @needs_browser
-def test_a_recurrent_rig_moves_as_in_python(
-    browser: Chromium, folder: Path, address: str, tmp_path: Path
-) -> None:
+def test_models_move_as_in_python(browser: Chromium, folder: Path, address: str, tmp_path: Path) -> None:
     baked, sequence = tmp_path / "tops.glb", tmp_path / "sequence.npz"
     bake(Bake(("tops",), baked, motion="jump", quality="fast", options=MotionOptions(frames="20:40")))
     save_simulated(played(baked, 16), sequence)
-    write_page(Page(folder / "learned", (baked,), simulated=sequence, model=("recurrent", "lbs_smooth")))
+    kinds = {"recurrent": "live", "pbns": "live", "deepsd": "live", "lbs_smooth": "stored frames"}
+    write_page(Page(folder / "learned", (baked,), simulated=sequence, model=tuple(kinds)))
     browser.open(f"{address}learned/")
     browser.wait_for("Boolean(globalThis.uvcloth)")
     browser.value("uvcloth.stage.light.castShadow = false")
-    browser.wait_for("document.querySelectorAll('.label').length === 4")
-    names = browser.value("uvcloth.playback.panes.map(({ method: { name, kind } }) => `${name}, ${kind}`)")
-    assert names[1:] == ["simulation, stored frames", "recurrent, live", "lbs_smooth, stored frames"]
-    frames = browser.value(
-        """new Promise((done) => {
-          const { playback } = uvcloth, out = [];
-          playback.onFrame = ({ answers }) => {
-            out.push(answers.slice(2).map(({ vertices }) => [...vertices[0]]));
-            if (out.length === 16) done(out);
-          };
-          playback.start(playback.clip, 0);
-        })"""
-    )
     body, clip = load_body(), load_simulated(sequence)
     outfit = Dressed(body, load_outfit(("tops",), body))
-    for place, name in enumerate(("recurrent", "lbs_smooth")):
-        rolled = rollout(load_method(name, body), outfit, clip.transforms.double(), 30.0, clear=False)
-        expected = torch.stack([frame.in_world().vertices[0] for frame in rolled]).numpy()
-        shown = np.array([frame[place] for frame in frames]).reshape(expected.shape)
-        off = np.linalg.norm(shown - open_baked(baked).in_scene(expected), axis=2) / MILLIMETRE
-        print(name, "mm off, mean and largest:", off.mean(), off.max())
-        assert off.max() < 0.2
+    for names in (("recurrent", "lbs_smooth"), ("pbns", "deepsd")):
+        for name, shown in zip(names, frames_beside(browser, names, 16), strict=True):
+            kind = browser.value(f"uvcloth.beside.methods.find((each) => each.name === '{name}').kind")
+            assert kind == kinds[name]
+            method = before_finish(load_method(name, body))
+            rolled = rollout(method, outfit, clip.transforms.double(), 30.0, clear=False)
+            expected = torch.stack([frame.in_world().vertices[0] for frame in rolled]).numpy()
+            off = np.linalg.norm(shown - open_baked(baked).in_scene(expected), axis=2) / MILLIMETRE
+            print(name, "mm off, mean and largest:", off.mean(), off.max())
+            assert off.max() < 0.2
     assert browser.errors == []
+
+
+def frames_beside(browser: Chromium, names: tuple[str, ...], count: int) -> list[np.ndarray]:
+    """The first frames (F, N, 3) of the only garment by methods that are shown beside the cloth."""
+    browser.value(
+        f"uvcloth.beside.choose(uvcloth.beside.methods.filter(({{ name }}) => {list(names)}.includes(name)))"
+    )
+    panes = "uvcloth.playback.panes.slice(1).map(({ method }) => method.name).join()"
+    browser.wait_for(f"{panes} === '{','.join(names)}'")
+    frames = browser.value(
+        f"""new Promise((done) => {{
+          const {{ playback }} = uvcloth, out = [];
+          playback.onFrame = ({{ answers }}) => {{
+            out.push(answers.slice(1).map(({{ vertices }}) => [...vertices[0]]));
+            if (out.length === {count}) done(out);
+          }};
+          playback.start(playback.clip, 0);
+        }})"""
+    )
+    return list(np.array(frames).reshape(count, len(names), -1, 3).swapaxes(0, 1))
 
 
 @needs_wasm

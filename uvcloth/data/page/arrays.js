@@ -1,11 +1,11 @@
 // Files of arrays, as uvcloth/export/page_arrays.py writes them.
+import { inflated } from "./files.js";
 
 const KINDS = { int8: Int8Array, uint8: Uint8Array, uint16: Uint16Array, int32: Int32Array, float32: Float32Array };
 
 /** The header of a file, and its arrays by name; numbers in half precision as Float32Array. */
 export async function readArrays(bytes) {
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const content = await new Response(stream).arrayBuffer(), size = new DataView(content).getUint32(0, true);
+  const content = await inflated(bytes), size = new DataView(content).getUint32(0, true);
   const { arrays: places, ...header } = JSON.parse(new TextDecoder().decode(new Uint8Array(content, 4, size)));
   const arrays = Object.entries(places).map(([name, { kind, start, count }]) => {
     const from = 4 + size + start;

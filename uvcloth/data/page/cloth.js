@@ -32,8 +32,9 @@ export async function makeCloth(gltf, worker, wasm) {
 }
 
 class Cloth {
-  constructor(worker, bones, names, inverseBind, axes, garments) {
-    Object.assign(this, { worker, bones, names, inverseBind, axes, garments, asked: new Map(), count: 0 });
+  // worn: places of the garments that the outfit has, among all.
+  constructor(worker, bones, names, inverseBind, axes, garments, worn = [...garments.keys()]) {
+    Object.assign(this, { worker, bones, names, inverseBind, axes, garments, worn, asked: new Map(), count: 0 });
     this.inverseAxes = inverse(axes);
     this.toRest = bones.map((_, index) => product(inverseBind.subarray(16 * index, 16 * index + 16), this.inverseAxes));
     worker.onmessage = ({ data }) => {
@@ -47,17 +48,18 @@ class Cloth {
 
   /** Read the bytes of an outfit. Throws an Error with a sentence for one that is damaged, or of other garments. */
   async open(wasm, outfit) {
-    const { bones, garments } = this;
+    const { bones } = this, garments = this.worn.map((place) => this.garments[place]);
     const { joints, garments: sizes, cages, corners } = await this.ask("open", { wasm, outfit, inverseAxes: this.inverseAxes });
     if (joints !== bones.length || sizes.length !== garments.length || sizes.some((size, index) => size !== garments[index].size))
       throw new Error("its cloth does not fit its meshes");
     this.cages = { vertices: cages, corners };
   }
 
-  /** Cloth of the same garments in another worker, of another outfit's bytes, with meshes of its own. */
-  async withOutfit(worker, wasm, outfit) {
+  /** Cloth of the same garments in another worker, of another outfit's bytes. garments: that show it, or twins.
+   * worn: places of the garments that the outfit has, if it has not all. */
+  async withOutfit(worker, wasm, outfit, garments = this.twins(), worn = undefined) {
     const { bones, names, inverseBind, axes } = this;
-    const other = new Cloth(worker, bones, names, inverseBind, axes, this.twins());
+    const other = new Cloth(worker, bones, names, inverseBind, axes, garments, worn);
     await other.open(wasm, outfit);
     return other;
   }
@@ -83,9 +85,12 @@ class Cloth {
     return this.ask("start", { joints });
   }
 
-  /** Move the cloth on; the answer has the vertices of each garment and of the cages, and in parts the milliseconds. */
-  step(joints, seconds) {
-    return this.ask("step", { joints, seconds });
+  /** Move the cloth on; the answer has the vertices of each garment, null for one that the outfit has not, and of the
+   * cages, and in parts the milliseconds. */
+  async step(joints, seconds) {
+    const answer = await this.ask("step", { joints, seconds }), vertices = this.garments.map(() => null);
+    this.worn.forEach((place, index) => { vertices[place] = answer.vertices[index]; });
+    return { ...answer, vertices };
   }
 
   /** Wind, m/s, and gravity, m/s2, along the runtime's axes, of which Z points up. */
@@ -95,7 +100,7 @@ class Cloth {
 
   /** Make all garments of a fabric, numbers as in the extension; none is what was baked. */
   setFabric(fabric) {
-    const factors = this.garments.map((garment) =>
+    const factors = this.worn.map((place) => this.garments[place]).map((garment) =>
       fabric && garment.fabric ? fabric.map((value, index) => value / garment.fabric[index]) : [1, 1, 1],
     );
     return this.ask("fabrics", { factors });
@@ -174,6 +179,7 @@ class Garment {
     const { points } = this;
     this.isThere = true;
     this.node.visible = this.isWanted;
+    if (!this.isWanted) return;
     for (let i = 0; i < points.length; i++) points[i] = from[i] + share * (to[i] - from[i]);
     this.#computeNormals();
     for (const { geometry } of this.meshes) {

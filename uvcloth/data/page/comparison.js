@@ -8,6 +8,7 @@ export class Comparison {
   constructor(truth, warmUp, cloth, { curve, scale }, onChoose) {
     this.errors = new Errors(truth, warmUp, cloth);
     this.curve = new Curve(curve, scale, onChoose);
+    this.methods = []; // Whose curves are shown.
   }
 
   /** Show the curves of panes, those that are stored at once. */

@@ -23,9 +23,10 @@ const PICTURE = 1 / AVERAGED; // share of a picture in the mean of the last ones
 const TOO_LONG = 1000 / FPS; // milliseconds that a frame of cloth takes where its playback slows down
 const NARROW = "(max-width: 600px)";
 const MARGIN = 12; // pixels around the panes
+const retargeted = new WeakSet(); // animations of .bvh files
 const pictures = { shown: 0, drawn: 0 }; // milliseconds
 
-let stage, updateSkin, hand, keys, playback, beside, comparison, overlays, opened, animations, wasm, current, costs = [], opening = 0, isOpening = false;
+let stage, updateSkin, hand, keys, playback, beside, comparison, overlays, opened, animations, wasm, current, costs = [], opening = 0, showing = 0, isOpening = false;
 
 function say(sentence) {
   control("message").textContent = sentence;
@@ -65,7 +66,7 @@ async function open(option) {
 }
 
 function close() {
-  for (const { pane } of beside?.methods ?? []) pane?.source.worker?.terminate();
+  for (const { pane } of beside?.methods ?? []) pane?.close();
 }
 
 /** Begin to play what was opened. described: methods that the page has beside its cloth. */
@@ -88,6 +89,7 @@ async function begin(described) {
   hand.show(playback);
   keys.show();
   control("errors").hidden = !truth;
+  control("retargeted").hidden = true;
   listQualities(methods);
   listGarments();
   globalThis.uvcloth = { cloth, playback, stage, hand, beside, comparison }; // for the browser's console
@@ -102,27 +104,48 @@ async function compare(truth, described) {
   return new Comparison(source, warmUp, opened.cloth, { curve: control("curve"), scale: control("scale") }, choose);
 }
 
-/** Show the panes that are wanted, after those that are not yet there have been made. */
+/** Show the panes that are wanted, after those that are not yet there have been made, in the garments that are chosen. */
 async function showWanted() {
-  const turn = opening, { wanted } = beside;
+  const character = opening, turn = ++showing, { wanted } = beside, worn = chosenGarments();
   control("busy").hidden = false;
   try {
     const panes = await Promise.all(wanted.map((method) => method.opened()));
-    if (turn !== opening || wanted.some((method, index) => method !== beside.wanted[index])) return;
-    for (const pane of panes) pane.onError = say;
+    const sources = await Promise.all(wanted.map((method) => method.wearing(worn)));
+    if (turn !== showing || character !== opening) {
+      panes.forEach(({ source, whole }, index) => { if (![source, whole].includes(sources[index])) sources[index].worker.terminate(); });
+      return;
+    }
+    panes.forEach((pane, index) => {
+      pane.onError = say;
+      pane.take(sources[index]);
+    });
     playback.show(panes);
     comparison?.show(panes);
     costs = [];
     dress();
   } catch (error) {
-    if (turn === opening) say(error.message);
+    if (turn === showing && character === opening) say(error.message);
   }
+}
+
+/** The places of the garments that are chosen, the innermost first. */
+function chosenGarments() {
+  const boxes = [...control("garments").querySelectorAll("input")].reverse();
+  return boxes.flatMap(({ checked }, place) => (checked ? [place] : []));
+}
+
+/** Show the garments that are chosen, and solve no others where there is an outfit without them. */
+function wear() {
+  const worn = chosenGarments(), solves = ({ method, source }) => !source.worn || source.worn.join() === method.solved(worn).join();
+  dress();
+  if (!playback.panes.every(solves)) showWanted();
 }
 
 /** Show in all panes the garments that are chosen, and what is chosen over them. */
 function dress() {
-  const { value } = control("layer"), boxes = [...control("garments").querySelectorAll("input")].reverse();
-  for (const { garments } of playback.panes) garments.forEach((garment, index) => { garment.isShown = boxes[index].checked; });
+  const { value } = control("layer"), worn = chosenGarments();
+  for (const { garments } of playback.panes) garments.forEach((garment, place) => { garment.isShown = worn.includes(place); });
+  control("hidden").hidden = playback.panes.every(({ method, source }) => !source.worn || method.solved(worn).length === worn.length);
   updateSkin();
   overlays?.remove();
   overlays = new Overlays(stage, playback.panes, value);
@@ -135,6 +158,7 @@ function play(clip, time) {
   if (clip === playback.compared) playback.start(clip, time);
   else playback.goTo(clip, time);
   control("time").max = playback.last;
+  control("retargeted").hidden = !retargeted.has(clip);
 }
 
 /** Go to a time while it is chosen: the compared animation is shown there, any other one goes over to it. */
@@ -153,7 +177,7 @@ function listAnimations() {
 function listQualities(methods) {
   const qualities = methods.filter(({ quality }) => quality);
   control("quality").replaceChildren(...qualities.map(({ quality }) => new Option(quality, methods.findIndex((each) => each.quality === quality))));
-  control("quality").disabled = qualities.length < 2;
+  control("quality").closest("label").hidden = qualities.length < 2;
 }
 
 function changeQuality() {
@@ -187,7 +211,7 @@ function listGarments() {
   const boxes = opened.cloth.garments.map(({ node }, index) => {
     const label = document.createElement("label"), box = document.createElement("input");
     Object.assign(box, { type: "checkbox", checked: true });
-    box.addEventListener("change", dress);
+    box.addEventListener("change", wear);
     label.append(box, node.name.replaceAll("_", " ") || `garment ${index + 1}`);
     return label;
   });
@@ -210,7 +234,7 @@ function isAltered() {
 function change() {
   for (const name of ["wind-x", "wind-y", "gravity"]) control(name).nextElementSibling.value = Number(control(name).value);
   playback?.wake();
-  for (const { pane } of beside?.methods ?? []) if (pane?.source.setWorld) adjust(pane.source);
+  for (const { pane } of beside?.methods ?? []) for (const source of new Set([pane?.source, pane?.whole])) if (source?.setWorld) adjust(source);
 }
 
 function togglePlaying() {
@@ -224,6 +248,7 @@ async function addMotion(file) {
     const { figure } = playback, clip = retarget(readBvh(await file.text()), figure, file.name);
     if (figure !== playback.figure) return;
     animations.push(clip);
+    retargeted.add(clip);
     listAnimations();
     control("animation").value = animations.length - 1;
     say("");
@@ -277,14 +302,15 @@ function connect() {
   });
 }
 
-/** Divide the page among the panes: one has all of it, several what the controls leave free. */
+/** Divide the page among the panes: one has all of it, or, as several, what the controls leave free. */
 function divide() {
   const { panes } = playback, { clientWidth: width, clientHeight: height } = stage.canvas;
-  const place = { left: 0, top: 0, width, height };
-  if (panes.length > 1) {
-    const { left, bottom } = control("controls").getBoundingClientRect(), isNarrow = matchMedia(NARROW).matches;
+  const place = { left: 0, top: 0, width, height }, isNarrow = matchMedia(NARROW).matches, { open } = control("controls");
+  if (panes.length > 1 || (isNarrow && open)) {
+    const { left, bottom } = control("controls").getBoundingClientRect();
     place.left = place.top = MARGIN;
-    if (isNarrow) place.top += control("controls").open ? 0 : bottom;
+    // Several panes are too small below controls that are open.
+    if (isNarrow && !(open && panes.length > 1)) place.top += bottom;
     place.width = (isNarrow ? width : left) - 2 * MARGIN;
     place.height = control("bar").getBoundingClientRect().top - place.top - MARGIN;
   }

@@ -6,8 +6,20 @@ export class Pane {
   /** method: that it shows. source: {start(joints), step(joints, seconds, at)}, of which a step gives {vertices, cages,
    * parts}, the vertices null where it has none. at: as Playback has it. */
   constructor(method, source, garments) {
-    Object.assign(this, { method, source, garments, onError: () => {}, failed: 0, isThere: true });
+    Object.assign(this, { method, source, whole: source, garments, onError: () => {}, failed: 0, isThere: true });
     for (const { meshes } of garments) for (const mesh of meshes) mesh.layers.set(method.layer);
+  }
+
+  /** Show another source: that of fewer garments, or the whole one again. */
+  take(source) {
+    if (source !== this.source && this.source !== this.whole) this.source.worker.terminate();
+    this.source = source;
+  }
+
+  /** End its workers. */
+  close() {
+    this.take(this.whole);
+    this.whole.worker?.terminate();
   }
 
   /** Let it begin at joints. */
@@ -39,7 +51,7 @@ export class Pane {
   show(from, to, share) {
     this.isThere = Boolean(from.vertices && to.vertices);
     this.garments.forEach((garment, index) =>
-      this.isThere ? garment.show(from.vertices[index], to.vertices[index], share) : garment.vanish(),
+      this.isThere && to.vertices[index] ? garment.show(from.vertices[index], to.vertices[index], share) : garment.vanish(),
     );
   }
 

@@ -162,7 +162,7 @@ export class Playback {
     if (!before || this.playing || this.motion.isMoving || this.settling > SETTLING - FPS / 2) return;
     let way = 0, count = 0;
     vertices.forEach((garment, index) => {
-      for (let k = 0; k < garment.length; k += 3, count++)
+      for (let k = 0; k < (garment?.length ?? 0); k += 3, count++)
         way += Math.hypot(garment[k] - before[index][k], garment[k + 1] - before[index][k + 1], garment[k + 2] - before[index][k + 2]);
     });
     if ((way / count) * FPS < QUIET * this.figure.unit) this.settling = 0;

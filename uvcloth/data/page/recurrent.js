@@ -1,6 +1,7 @@
 // A recurrent rig: a gated recurrent unit turns the body's motion into weights of blend shapes.
 import { readArrays } from "./arrays.js";
 import { bytesOf } from "./files.js";
+import { Layer, positive } from "./perceptron.js";
 import { placed } from "./runtime.js";
 import { Skin } from "./skinning.js";
 
@@ -94,29 +95,10 @@ class RecurrentGarment {
   }
 }
 
-/** A linear layer. weights: row by row. bias: of each row. */
-class Layer {
-  constructor(weights, bias) {
-    Object.assign(this, { weights, bias });
-  }
-
-  of(inputs) {
-    const { weights, bias } = this, count = inputs.length;
-    return Float64Array.from(bias, (sum, row) => {
-      for (let i = 0, k = row * count; i < count; i++, k++) sum += weights[k] * inputs[i];
-      return sum;
-    });
-  }
-}
-
 /** Numbers of eight bits times the scale of their row. */
 function widened(numbers, scales) {
   const width = numbers.length / scales.length;
   return Float32Array.from(numbers, (number, index) => number * scales[Math.floor(index / width)]);
-}
-
-function positive(values) {
-  return values.map((value) => Math.max(0, value));
 }
 
 function sigmoid(value) {

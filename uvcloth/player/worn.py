@@ -1,0 +1,114 @@
+"""Baked outfits without some of their garments, which then cost nothing.
+
+What is left is as it was baked: garments that lay over one that is gone keep the shape that they had over it.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvcloth.player.sections import pack, unpack
+
+Rows = NDArray[np.intp]
+
+OF_CAGES = (
+    *("outfit.hold", "cages.rest", "cloth.touches", "cloth.crossed"),
+    *("particles.mass", "particles.weight", "particles.thickness", "particles.friction"),
+)
+OF_CAGE_FACES = (
+    *("sheet.owned", "membrane.inverse", "membrane.area"),
+    *("membrane.shear", "membrane.spread", "membrane.damping", "membrane.pressure"),
+)
+OF_HINGES = ("hinges.stiffness", "hinges.rest", "hinges.floors")
+OF_POINTS = ("points.rest", "fine.touches", "fine.thickness", "layers.touches")
+"""Sections with a row for each vertex or face of the cages, hinge of these, and point of the garments."""
+
+
+def without_others(content: bytes, worn: Sequence[int]) -> bytes:
+    """An outfit that the runtime has read, of which only some garments, in their order, are left."""
+    sections, steps = unpack(content)
+    old = dict(sections)
+    kept = np.zeros(len(old["garments.starts"]) - 1, bool)
+    kept[list(worn)] = True
+    garment_of_point = _owners(old["garments.starts"])
+    garment_of_vertex = _garments_of_cages(old, garment_of_point)
+    points = np.flatnonzero(kept[garment_of_point])
+    vertices = np.flatnonzero(kept[garment_of_vertex])
+
+    def rows_of(name: str, garments: NDArray[Any]) -> Rows:
+        return np.flatnonzero(kept[garments[old[name][:, 0]]])
+
+    faces, edges = (rows_of(name, garment_of_vertex) for name in ("sheet.faces", "sheet.edges"))
+    hinges, fine = rows_of("hinges.corners", garment_of_vertex), rows_of("fine.faces", garment_of_point)
+    for names, rows in (
+        (OF_CAGES, vertices),
+        (OF_CAGE_FACES, faces),
+        (OF_HINGES, hinges),
+        (OF_POINTS, points),
+    ):
+        sections |= {name: old[name][rows] for name in names}
+    for name, rows, left in (
+        ("sheet.faces", faces, vertices),
+        ("sheet.edges", edges, vertices),
+        ("sheet.face_edges", faces, edges),
+        ("hinges.corners", hinges, vertices),
+        ("fine.faces", fine, points),
+    ):
+        sections[name] = np.searchsorted(left, old[name][rows])
+    for name, values, rows in (
+        ("cages", "joints", vertices),
+        ("points", "joints", points),
+        ("follow", "cage", points),
+    ):
+        sections |= _jagged(old, name, values, rows)
+    sections["follow.cage"] = np.searchsorted(vertices, sections["follow.cage"])
+    pieces = _owners(old["sheet.starts"])
+    piece_garments = garment_of_vertex[old["sheet.faces"][old["sheet.starts"][:-1], 0]]
+    left_pieces = np.flatnonzero(kept[piece_garments])
+    sections["sheet.starts"] = _starts(np.bincount(pieces)[left_pieces])
+    sections["sheet.apart"] = old["sheet.apart"][np.ix_(left_pieces, left_pieces)]
+    shown = kept[_owners(old["outfit.shown_starts"])]
+    sections["outfit.shown"] = np.searchsorted(points, old["outfit.shown"][shown])
+    for name in ("garments.starts", "outfit.shown_starts"):
+        sections[name] = _starts(np.diff(old[name])[kept])
+    pairs = kept[old["layers.outer"]] & kept[old["layers.inner"]]
+    for name in ("layers.outer", "layers.inner"):
+        sections[name] = np.searchsorted(np.flatnonzero(kept), old[name][pairs])
+    return pack(sections, steps, compressed=True)
+
+
+def _garments_of_cages(sections: dict[str, NDArray[Any]], garment_of_point: Rows) -> Rows:
+    """The garment of each vertex of the cages: of the points around it, or of its neighbours."""
+    garments = np.full(len(sections["cages.rest"]), -1)
+    garments[sections["follow.cage"]] = np.repeat(garment_of_point, np.diff(sections["follow.starts"]))
+    faces = sections["sheet.faces"]
+    while (garments[faces] < 0).any():
+        np.maximum.at(garments, faces, garments[faces].max(1, keepdims=True))
+    return np.maximum(garments, 0)
+
+
+def _jagged(sections: dict[str, NDArray[Any]], name: str, values: str, rows: Rows) -> dict[str, NDArray[Any]]:
+    """Some rows of a jagged array, and of its weights, of which the last one of each row is not there."""
+    starts = sections[f"{name}.starts"]
+    counts = np.diff(starts)
+    shares = np.maximum(counts - 1, 0)
+    return {
+        f"{name}.starts": _starts(counts[rows]),
+        f"{name}.{values}": sections[f"{name}.{values}"][
+            np.isin(np.repeat(np.arange(len(counts)), counts), rows)
+        ],
+        f"{name}.weights": sections[f"{name}.weights"][
+            np.isin(np.repeat(np.arange(len(counts)), shares), rows)
+        ],
+    }
+
+
+def _owners(starts: NDArray[Any]) -> Rows:
+    """The row that each element of a jagged array is of."""
+    return np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+
+
+def _starts(counts: NDArray[Any]) -> Rows:
+    return np.concatenate([[0], np.cumsum(counts)])
