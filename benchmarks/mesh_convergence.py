@@ -1,8 +1,8 @@
-"""Does simulated cloth converge with its mesh? Free cloth on even meshes of several edge lengths, side by side.
+"""Does simulated cloth converge with its mesh? Free cloth on even meshes of several edge lengths.
 
-Writes a simulation per garment, clip, edge length and member to a folder, and goes on where it stopped. Prints, per
-garment and edge length: vertices, substeps and seconds of a frame, distance from the finest mesh and between two
-members (which start 0.1 mm apart), and energies of folds over those of the finest mesh.
+Writes a simulation per garment, clip, edge length and member to a folder, and goes on where it stopped.
+Prints, per garment and edge length: vertices, substeps and seconds of a frame, distance from the finest mesh
+and between two members (which start 0.1 mm apart), and energies of folds over those of the finest mesh.
 
     python benchmarks/mesh_convergence.py OUT --garments tops dress --motions ../shared/mocap/cmu/11_01.bvh
 """
@@ -67,7 +67,7 @@ def describe(name: str, folder: Path, garment: Garment, edges: list[float], clip
     def energies(run: dict[str, np.ndarray]) -> Tensor:
         return band_energies(filters, torch.from_numpy(run["points"] - run["smooth"])).mean(0)
 
-    print(f"{name}: edge mm | vertices | substeps | s a frame | mm from finest | mm of two members | folds of finest")
+    print(f"{name}: edge mm | vertices | substeps | s a frame | mm from finest | of two members | folds")
     for edge in edges:
         costs, far, apart, folds = [], [], [], []
         for clip in clips:
