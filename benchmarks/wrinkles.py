@@ -26,12 +26,14 @@ from rich.console import Console
 from torch import Tensor
 
 from evaluate.folds import FoldFilters, FoldLooks, band_energies, fold_filters, fold_looks, fold_scores
+from rasterize.gather import gather
 from train.wrinkles.frames import FineTexels, load_frames, run_files, run_frames
 from train.wrinkles.tracked_runs import coarse_garment, load_run
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
+from uvcloth.physics.surface import closest_points
 from uvcloth.process.command import run_command
 from uvcloth.wrinkles.inputs import input_maps
 from uvcloth.wrinkles.model import load_wrinkles
@@ -63,9 +65,9 @@ MOVING = [*range(12), *range(15, 19)]
 class Judged:
     """A run with what is needed to judge displacements on it.
 
-    clip: name. inputs: (T, P, CHANNELS). axes: (T, P, 3, 3). truth: (T, P, 3) m on these axes. smooth: (T, n,
-    3) m of the refined mesh. sharp: (T, n, 3) m, see the module. finer: (T, n, 3) m, offset of a finer cage.
-    looks: of the true folds in the frames that are scored by them.
+    clip: name. inputs: (T, P, CHANNELS). axes: (T, P, 3, 3). truth: (T, P, 3, 4) m on these axes, at the
+    quarters of texels. smooth: (T, n, 3) m of the refined mesh. sharp: (T, n, 3) m, see the module. finer:
+    (T, n, 3) m, offset of a finer cage. looks: of the true folds in the frames that are scored by them.
     """
 
     clip: str
@@ -79,7 +81,7 @@ class Judged:
 
 
 Maker = Callable[[Judged], Tensor]
-"""Displacements (T, P, 3) m on the axes of texels, or (T, n, 3) m of the refined mesh in the world."""
+"""Displacements (T, P, 3, 4) m on the axes of texels, or (T, n, 3) m of the refined mesh in the world."""
 
 
 def judged(
@@ -102,15 +104,13 @@ def judged(
         smooth,
         away - filters.passes[0](away).float(),
         sheet.refined.at(finer - coarse),
-        fold_looks(filters, smooth[SCORED].double(), sheet.at_vertices(offsets)[SCORED]),
+        fold_looks(filters, smooth[SCORED].double(), sheet.at_vertices((axes @ truth)[SCORED])),
     )
 
 
 def in_world(sheet: Sheet, run: Judged, made: Tensor) -> Tensor:
-    """Displacements (T, n, 3) m of the refined mesh in the world, of those at texels on their axes."""
-    if made.shape[1] != len(sheet.texels):
-        return made
-    return sheet.at_vertices((run.axes * made[:, :, None]).sum(-1))
+    """Displacements (T, n, 3) m of the refined mesh in the world, of those at quarters on texels' axes."""
+    return made if made.dim() == 3 else sheet.at_vertices(run.axes @ made)
 
 
 def score(sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged], make: Maker) -> dict[str, float]:
@@ -124,7 +124,7 @@ def score(sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged], make: Make
         scores |= {"made_mm2": looks.energies, "real_mm2": run.looks.energies}
         for name, values in scores.items():
             parts.setdefault(name, []).append(values)
-        local = made if made.shape == run.truth.shape else texel_values(sheet, run, made)
+        local = made if made.dim() == 4 else quarter_values(sheet, run, made)
         change, true = local[FIRST:].diff(dim=0), run.truth[FIRST:].diff(dim=0)
         wrong += float((change - true).double().square().sum())
         moved += float(change.double().square().sum())
@@ -146,11 +146,12 @@ def score(sheet: Sheet, filters: FoldFilters, runs: Sequence[Judged], make: Make
     }
 
 
-def texel_values(sheet: Sheet, run: Judged, made: Tensor) -> Tensor:
-    """Displacements (T, P, 3) m at texels on their axes, of those (T, n, 3) of the refined mesh."""
-    # Vertices of the garment come first in its refined mesh.
-    world = sheet.at_texels(made[:, : len(sheet.mesh.points)].float())
-    return (run.axes * world[..., None]).sum(-2)
+def quarter_values(sheet: Sheet, run: Judged, made: Tensor) -> Tensor:
+    """Displacements (T, P, 3, 4) m at quarters on texels' axes, of those (T, n, 3) of the refined mesh."""
+    mesh = sheet.refined.mesh
+    near = closest_points(sheet.quarters.flatten(0, 1), mesh.vertices, mesh.faces)
+    world = gather(made.float(), mesh.faces[near.face], near.barycentrics).unflatten(1, (-1, 4))
+    return (world @ run.axes).transpose(2, 3)
 
 
 def fit_pooled(inputs: Tensor, wrinkles: Tensor, ridge: float) -> Maker:
@@ -158,13 +159,15 @@ def fit_pooled(inputs: Tensor, wrinkles: Tensor, ridge: float) -> Maker:
     count = len(inputs)
     mean = wrinkles.float().mean(0)
     scale = inputs[::16].float().std((0, 1)).clamp(min=1e-4)
-    gram, cross = torch.zeros(len(MOVING) + 1, len(MOVING) + 1), torch.zeros(len(MOVING) + 1, 3)
+    gram, cross = torch.zeros(len(MOVING) + 1, len(MOVING) + 1), torch.zeros(len(MOVING) + 1, 12)
     for rows in torch.arange(0, count, 4).split(32):
         x = with_one(inputs[rows].float()[..., MOVING] / scale[MOVING]).flatten(0, 1)
         gram += x.T @ x / len(x)
-        cross += x.T @ (wrinkles[rows].float() - mean).flatten(0, 1) / len(x)
+        cross += x.T @ (wrinkles[rows].float() - mean).flatten(2).flatten(0, 1) / len(x)
     solved = torch.linalg.solve(gram + ridge * torch.eye(len(gram)), cross)
-    return lambda run: with_one(run.inputs[..., MOVING] / scale[MOVING]) @ solved + mean
+    return lambda run: (
+        (with_one(run.inputs[..., MOVING] / scale[MOVING]) @ solved).unflatten(2, (3, 4)) + mean
+    )
 
 
 def fit_local(inputs: Tensor, wrinkles: Tensor, ridges: Sequence[float]) -> list[Maker]:
@@ -174,7 +177,7 @@ def fit_local(inputs: Tensor, wrinkles: Tensor, ridges: Sequence[float]) -> list
     solved: list[list[Tensor]] = [[] for _ in ridges]
     for texels in torch.arange(inputs.shape[1]).split(512):
         x = with_one(inputs[:, texels].float()[..., MOVING] / scale).transpose(0, 1)
-        y = wrinkles[:, texels].float().transpose(0, 1)
+        y = wrinkles[:, texels].float().flatten(2).transpose(0, 1)
         gram, cross = x.mT @ x / len(inputs), x.mT @ y / len(inputs)
         free = torch.eye(size)
         free[-1, -1] = 1e-6
@@ -183,7 +186,11 @@ def fit_local(inputs: Tensor, wrinkles: Tensor, ridges: Sequence[float]) -> list
     weights = [torch.cat(parts) for parts in solved]
 
     def maker(each: Tensor) -> Maker:
-        return lambda run: torch.einsum("tpc,pcd->tpd", with_one(run.inputs[..., MOVING] / scale), each)
+        def make(run: Judged) -> Tensor:
+            rows = torch.einsum("tpc,pcd->tpd", with_one(run.inputs[..., MOVING] / scale), each)
+            return rows.unflatten(2, (3, 4))
+
+        return make
 
     return [maker(each) for each in weights]
 
@@ -214,7 +221,7 @@ def fit_global(inputs: Tensor, wrinkles: Tensor, kept: Sequence[int], ridge: flo
     def maker(k: int, each: Tensor) -> Maker:
         def make(run: Judged) -> Tensor:
             values = (run.inputs[:, some][..., MOVING] / scale).flatten(1) - middle
-            return (values @ directions[:, :k] @ each + mean).view(len(run.inputs), texels, 3)
+            return (values @ directions[:, :k] @ each + mean).view(len(run.inputs), texels, 3, 4)
 
         return make
 
@@ -232,7 +239,7 @@ def network(folder: Path, body: Body, sheet: Sheet) -> Maker:
 
     def make(run: Judged) -> Tensor:
         maps = torch.cat([wrinkles.net(input_maps(sheet, rows)) for rows in run.inputs.split(8)])
-        return maps.flatten(2)[:, :, sheet.texels.pixels].transpose(1, 2)
+        return maps.flatten(2)[:, :, sheet.texels.pixels].transpose(1, 2).unflatten(2, (3, 4))
 
     return make
 

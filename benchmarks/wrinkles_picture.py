@@ -54,14 +54,14 @@ def main(
     for column, path in enumerate(run_files([data], split)):
         run = load_run(path)
         inputs, truth, axes = run_frames(sheet, body, run, places.offsets(run, path))
-        frame = int(truth.square().mean((1, 2)).argmax()) if at is None else at
+        frame = int(truth.square().mean((1, 2, 3)).argmax()) if at is None else at
         smooth = sheet.refined.at(run.coarse[frame + 2])
         maps = [
             net.config.gain * net.net(input_maps(sheet, inputs[frame][None]))[0].flatten(1)
             for net in networks
         ]
-        local = [truth[frame], *(each[:, sheet.texels.pixels].T for each in maps)]
-        shown = [smooth + sheet.at_vertices((axes[frame] * each[:, None]).sum(-1)) for each in local]
+        local = [truth[frame], *(each[:, sheet.texels.pixels].T.unflatten(1, (3, 4)) for each in maps)]
+        shown = [smooth + sheet.at_vertices(axes[frame] @ each) for each in local]
         posed = posed_skin(body, run.transforms[frame : frame + 1])[0]
         for row, vertices in zip(rows, (*shown, smooth), strict=True):
             (cleared,) = clearing.cleared([vertices], posed)

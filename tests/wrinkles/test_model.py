@@ -1,10 +1,12 @@
 """The network, its checkpoint, and garments with its wrinkles."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
+import trimesh
 
 from tests.small_body import small_body
 from tests.wrinkles.strip import garment, strip
@@ -12,10 +14,11 @@ from uvcloth.checkpoint import TrainingData, load_checkpoint, save_checkpoint
 from uvcloth.errors import InputError
 from uvcloth.garments.refined import Refined
 from uvcloth.physics.fabric import FABRICS
+from uvcloth.physics.outfit_clearing import CLEARANCE
 from uvcloth.physics.surface import BodySurface
 from uvcloth.wrinkles.inputs import CHANNELS
 from uvcloth.wrinkles.model import WrinkledGarment, Wrinkles, load_wrinkles, wrinkles_checkpoint
-from uvcloth.wrinkles.network import WrinkleConfig, WrinkleNet
+from uvcloth.wrinkles.network import WrinkleConfig, WrinkleNet, dealt
 
 CONFIG = WrinkleConfig(size=64, width=4, levels=2)
 FPS = 30.0
@@ -30,15 +33,17 @@ def wrinkles() -> Wrinkles:
     return Wrinkles(CONFIG, net.eval())
 
 
-def skin() -> BodySurface:
+def skin(away: float = 1.0) -> BodySurface:
+    """The small body, so many metres beneath the strip."""
     body = small_body()
-    return BodySurface(body.mesh.vertices, body.mesh.faces)
+    return BodySurface(body.mesh.vertices - torch.tensor([0.0, 0.0, away]), body.mesh.faces)
 
 
 def test_shapes_of_the_network() -> None:
     net = WrinkleNet(CONFIG)
-    maps = torch.randn(3, CHANNELS, 64, 64)
-    assert net(maps).shape == (3, 3, 64, 64)
+    maps = torch.randn(3, CHANNELS, 32, 32)
+    assert net(maps).shape == (3, 12, 32, 32)
+    assert dealt(net(maps)).shape == (3, 3, 64, 64)
     assert float(net(maps).detach().abs().max()) == 0.0  # Untrained it makes no wrinkles.
 
 
@@ -52,7 +57,7 @@ def test_a_checkpoint_gives_the_same_wrinkles(wrinkles: Wrinkles, tmp_path: Path
     save_checkpoint(wrinkles_checkpoint(wrinkles, body, TrainingData(), {}), tmp_path / "run")
     again = load_wrinkles(tmp_path / "run", body)
     assert again.config == CONFIG
-    maps = torch.randn(1, CHANNELS, 64, 64)
+    maps = torch.randn(1, CHANNELS, 32, 32)
     torch.testing.assert_close(again.net(maps), wrinkles.net(maps), atol=2e-4, rtol=1e-2)  # Half precision.
 
 
@@ -84,7 +89,7 @@ def test_wrinkles_turn_and_move_with_the_cloth(wrinkles: Wrinkles) -> None:
     shift = torch.tensor([1.0, -2.0, 0.5])
     body = small_body()
     here = WrinkledGarment(wrinkles, garment(strip())).wrinkled(vertices, FPS, skin())
-    there_skin = BodySurface(body.mesh.vertices @ turn.T + shift, body.mesh.faces)
+    there_skin = BodySurface(skin().points @ turn.T + shift, body.mesh.faces)
     there = WrinkledGarment(wrinkles, garment(strip())).wrinkled(vertices @ turn.T + shift, FPS, there_skin)
     back = (there - shift) @ turn
     smooth = Refined.of(strip()).at(vertices)
@@ -102,6 +107,30 @@ def test_a_frame_depends_on_the_one_before_until_it_begins_again(wrinkles: Wrink
     assert float((after - alone).norm(dim=1).max()) > 1e-5
     wrinkled.begin()
     torch.testing.assert_close(wrinkled.wrinkled(second, FPS, skin()), alone)
+
+
+def test_wrinkles_keep_off_the_skin(wrinkles: Wrinkles) -> None:
+    """On a block whose top is 2 mm above the strip."""
+    block = trimesh.creation.box((2.0, 2.0, 2.0))
+    top = BodySurface(torch.tensor(block.vertices - [0.0, 0.0, 0.998]), torch.tensor(block.faces))
+    shown = WrinkledGarment(wrinkles, garment(strip())).wrinkled(strip().vertices, FPS, top)
+    assert float(top.closest(shown).signed_distance.min()) > CLEARANCE - 1e-4
+
+
+def test_what_is_shown_lags(wrinkles: Wrinkles) -> None:
+    first, second = strip(curvature=1.0).vertices, strip(curvature=2.0).vertices
+    smooth = Refined.of(strip()).at(second)
+
+    def shown(lag: float) -> torch.Tensor:
+        lagging = Wrinkles(replace(CONFIG, lag=lag), wrinkles.net)
+        wrinkled = WrinkledGarment(lagging, garment(strip()))
+        wrinkled.wrinkled(first, FPS, skin())
+        return wrinkled.wrinkled(second, FPS, skin()) - smooth
+
+    # Displacements are on the axes of the surface, which turns little here.
+    at_once, late, never = shown(0.0), shown(1.0 / FPS), shown(10.0)
+    whole = (never - at_once).norm()
+    assert float((late - at_once).norm()) == pytest.approx(math.exp(-1.0) * float(whole), rel=0.05)
 
 
 def test_the_gain_multiplies_what_is_shown(wrinkles: Wrinkles) -> None:

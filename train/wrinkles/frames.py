@@ -14,7 +14,7 @@ from uvcloth.bodies.posing import posed_skin
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.physics.surface import BodySurface, closest_points
-from uvcloth.wrinkles.inputs import first_past, texel_inputs
+from uvcloth.wrinkles.inputs import FARTHEST, first_past, texel_inputs
 from uvcloth.wrinkles.sheet import Sheet
 
 from .tracked_runs import TrackedRun, fine_mesh, fine_mesh_name, load_run
@@ -24,8 +24,8 @@ from .tracked_runs import TrackedRun, fine_mesh, fine_mesh_name, load_run
 class TexelFrames:
     """Frames of runs, one after another.
 
-    inputs: (R, P, CHANNELS) half. wrinkles: (R, P, 3) half, m, displacements along u, v and the normal.
-    later: (R,) bool, frames with one before them in their run.
+    inputs: (R, P, CHANNELS) half. wrinkles: (R, P, 3, 4) half, m, displacements along u, v and the normal at
+    the quarters of texels. later: (R,) bool, frames with one before them in their run.
     """
 
     inputs: Tensor
@@ -39,46 +39,48 @@ def run_files(folders: Sequence[Path], split: str) -> list[Path]:
 
 
 class FineTexels:
-    """Places of a sheet's texels in the fine meshes of folders of runs."""
+    """Places of the quarters of a sheet's texels in the fine meshes of folders of runs."""
 
     def __init__(self, garment: Garment, sheet: Sheet) -> None:
         self.garment, self.sheet = garment, sheet
         self._known: dict[Path, tuple[str, Tensor, Tensor]] = {}
 
     def offsets(self, run: TrackedRun, path: Path) -> Tensor:
-        """Offsets (T, P, 3) m of a run at the texels. Raises InputError for a run of another fine mesh."""
+        """Offsets (T, P, 4, 3) m of a run at the quarters. Raises InputError for one of another fine mesh."""
         folder = path.parents[1]
         if folder not in self._known:
             fine, _ = fine_mesh(self.garment, folder, None)
-            points = self.sheet.at_texels(self.sheet.mesh.points)
-            near = closest_points(points, fine.rest, fine.faces)
+            near = closest_points(self.sheet.quarters.flatten(0, 1), fine.rest, fine.faces)
             self._known[folder] = fine_mesh_name(fine), fine.faces[near.face], near.barycentrics
         name, corners, shares = self._known[folder]
         if run.mesh != name or run.garment != self.garment.name:
             raise InputError(f"{path}: is not of the fine mesh of {self.garment.name} in {folder}")
-        return gather(run.offsets, corners, shares)
+        return gather(run.offsets, corners, shares).unflatten(1, (-1, 4))
 
 
 @torch.no_grad()
 def run_frames(sheet: Sheet, body: Body, run: TrackedRun, offsets: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Inputs (T, P, CHANNELS), displacements (T, P, 3) m and axes (T, P, 3, 3) at the texels of a run.
+    """Inputs (T, P, CHANNELS), displacements (T, P, 3, 4) m and axes (T, P, 3, 3) at the texels of a run.
 
-    offsets: (T, P, 3) m in the world.
+    offsets: (T, P, 4, 3) m in the world.
     """
     points = run.coarse[:, sheet.refined.kept]
     skin = BodySurface(body.mesh.vertices, body.mesh.faces)
     posed = posed_skin(body, run.transforms)
     skin.update(posed[0])
     past = first_past(sheet, points[0])
-    _, _, past = texel_inputs(sheet, points[1], past, run.fps, skin)
+    _, _, past = texel_inputs(
+        sheet, points[1], past, run.fps, skin.closest(points[1], FARTHEST).signed_distance
+    )
     inputs, axes_of = [], []
     for index in range(len(run)):
         skin.update(posed[index])
-        rows, axes, past = texel_inputs(sheet, points[index + 2], past, run.fps, skin)
+        away = skin.closest(points[index + 2], FARTHEST).signed_distance
+        rows, axes, past = texel_inputs(sheet, points[index + 2], past, run.fps, away)
         inputs.append(rows)
         axes_of.append(axes)
     turned = torch.stack(axes_of)
-    return torch.stack(inputs), (turned * offsets[..., None]).sum(-2), turned
+    return torch.stack(inputs), (offsets @ turned).transpose(2, 3), turned
 
 
 def load_frames(

@@ -9,7 +9,7 @@ import torch
 from rich.console import Console
 from torch import Tensor, nn
 
-from rasterize.bake import scatter_map, valid_mask
+from rasterize.bake import scatter_map
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
 from uvcloth.errors import InputError
@@ -18,7 +18,7 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.wrinkles.inputs import input_maps
 from uvcloth.wrinkles.model import Wrinkles, wrinkles_checkpoint
-from uvcloth.wrinkles.network import WrinkleConfig, WrinkleNet
+from uvcloth.wrinkles.network import WrinkleConfig, WrinkleNet, dealt
 from uvcloth.wrinkles.sheet import Sheet
 
 from ..loop import Objective
@@ -56,7 +56,8 @@ class WrinkleLosses:
 class SheetFrames:
     """Frames as maps, which padding across seams takes longer to make than a network to read.
 
-    inputs: (R, CHANNELS, H, W) half. wrinkles: (R, 3, H, W) half, m. later: (R,) bool, see TexelFrames.
+    inputs: (R, CHANNELS, H / 2, W / 2) half. wrinkles: (R, 12, H / 2, W / 2) half, m. later: (R,) bool, see
+    TexelFrames.
     """
 
     inputs: Tensor
@@ -67,7 +68,8 @@ class SheetFrames:
     def of(cls, sheet: Sheet, frames: TexelFrames) -> "SheetFrames":
         """The maps of frames."""
         inputs = [input_maps(sheet, rows.float()).half() for rows in frames.inputs.split(PADDED_AT_ONCE)]
-        return cls(torch.cat(inputs), scatter_map(frames.wrinkles, sheet.texels), frames.later)
+        wrinkles = scatter_map(frames.wrinkles.flatten(2), sheet.texels)
+        return cls(torch.cat(inputs), wrinkles, frames.later)
 
 
 class WrinkleObjective(Objective):
@@ -110,10 +112,11 @@ class WrinkleObjective(Objective):
             f"{len(self.held.inputs)} validation frames of {len(others)}"
         )
         self.samples_at = torch.nonzero(self.frames.later).flatten()
-        mask = valid_mask(self.sheet.texels)
-        islands = torch.full(mask.shape, -1).flatten()
-        islands[self.sheet.texels.pixels] = self.sheet.texels.islands
-        islands = islands.view_as(mask)
+        islands = torch.full((config.size // 2, config.size // 2), -1)
+        islands.view(-1)[self.sheet.texels.pixels] = self.sheet.texels.islands
+        self.texels = (islands >= 0).float().to(device)
+        islands = islands.repeat_interleave(2, 0).repeat_interleave(2, 1)
+        mask = islands >= 0
         # Neighbours in one chart.
         across = (islands[:, 1:] == islands[:, :-1]) & mask[:, 1:]
         down = (islands[1:] == islands[:-1]) & mask[1:]
@@ -132,14 +135,17 @@ class WrinkleObjective(Objective):
         net.input_scale.copy_(1.0 / rows.std((0, 2)).clamp(min=1e-4)[:, None, None])
         # The mask says where cloth is.
         net.input_shift[-1], net.input_scale[-1] = 0.0, 1.0
-        wrinkles = self.frames.wrinkles[::STATISTICS_STRIDE].flatten(2)[..., pixels].float()
-        net.output_scale.copy_(wrinkles.std((0, 2)).clamp(min=1e-5)[:, None, None])
+        wrinkles = self.frames.wrinkles[::STATISTICS_STRIDE].float()
+        scale = wrinkles.flatten(2)[..., pixels].unflatten(1, (3, 4)).std((0, 2, 3)).clamp(min=1e-5)
+        net.output_scale.copy_(scale.repeat_interleave(4)[:, None, None])
+        with torch.no_grad():
+            net.mean[0] = wrinkles.mean(0) / net.output_scale
         if not self.weights.adversarial:
             return {"net": net}
-        return {"net": net, "discriminator": PatchGAN(len(JUDGED) + 3, self.config.width)}
+        return {"net": net, "discriminator": PatchGAN(len(JUDGED) + 12, self.config.width)}
 
     def maps(self, frames: "SheetFrames", rows: Tensor) -> tuple[Tensor, Tensor]:
-        """Input maps (B, CHANNELS, H, W) and displacement maps (B, 3, H, W) of frames (B,)."""
+        """Input maps (B, CHANNELS, H / 2, W / 2) and displacements, alike, of frames (B,)."""
         inputs, wrinkles = (maps[rows].float().to(self.device) for maps in (frames.inputs, frames.wrinkles))
         return inputs.contiguous(memory_format=torch.channels_last), wrinkles
 
@@ -150,14 +156,12 @@ class WrinkleObjective(Objective):
         rows = torch.cat([rows, rows - 1]).cpu()
         inputs, wrinkles = self.maps(self.frames, rows)
         net = networks["net"]
-        predicted = net(inputs)
-        scale = net.output_scale
-        made, real = predicted / scale * self.mask, wrinkles / scale
-        parts = self.parts(made, real)
+        made, real = net(inputs) / net.output_scale * self.texels, wrinkles / net.output_scale
+        parts = self.parts(dealt(made), dealt(real))
         total = torch.stack(list(parts.values())).sum()
         if self.weights.adversarial:
-            judged = (inputs - net.input_shift * self.mask) * net.input_scale
-            beside = judged.clamp(-self.config.reach, self.config.reach)[:, list(JUDGED)] * self.mask
+            judged = (inputs - net.input_shift * self.texels) * net.input_scale
+            beside = judged.clamp(-self.config.reach, self.config.reach)[:, list(JUDGED)] * self.texels
             discriminator = networks["discriminator"]
             loss = discriminator_loss(
                 discriminator(torch.cat([beside, real], dim=1)),
@@ -197,8 +201,8 @@ class WrinkleObjective(Objective):
         sums: dict[str, float] = {}
         rows = torch.nonzero(self.held.later).flatten()[::VALIDATED]
         for some in rows.split(8):
-            inputs, real = self.maps(self.held, torch.cat([some, some - 1]))
-            made = net(inputs) * self.mask
+            inputs, wrinkles = self.maps(self.held, torch.cat([some, some - 1]))
+            made, real = dealt(net(inputs) * self.texels), dealt(wrinkles)
 
             def slopes(maps: Tensor) -> Tensor:
                 return torch.cat(

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from rasterize.bake import scatter_map
 from uvcloth.geometry.units import FREE_FALL
-from uvcloth.physics.surface import BodySurface
-from uvcloth.wrinkles.sheet import Forms, Sheet
+from uvcloth.wrinkles.sheet import Sheet
 
 FARTHEST = 0.04
 """Metres from the skin beyond which its distance no longer counts."""
@@ -16,11 +14,10 @@ FARTHEST = 0.04
 STRONGEST = 40.0
 """m/s2 of specific force that a network sees at most."""
 
-TENSORS = tuple(slice(first, first + 3) for first in (0, 3, 6, 9, 12))
-"""Channels of strain, bending, their rates, and bending at rest, that turn with the sheet as tensors do."""
-
-VECTORS = (slice(15, 17),)
-"""Channels of the specific force along u and v."""
+TENSORS, VECTORS = slice(0, 15), slice(15, 17)
+"""Channels of strain, bending, their rates, and bending at rest, as entries 00, 11, 01 on the sheet's axes;
+and of the specific force along u and v.
+"""
 
 CHANNELS = 23
 """Channels: TENSORS and VECTORS, the force along the normal, the distance to the skin, three of the place at
@@ -30,10 +27,10 @@ rest, and the mask.
 
 @dataclass(frozen=True)
 class Past:
-    """Surface in the frames before. points: (2, U, 3) m, the older first. forms: in the last frame."""
+    """Surface before. points: (2, U, 3) m in the last frames, the older first. forms: (P, 6) in the last."""
 
     points: Tensor
-    forms: Forms
+    forms: Tensor
 
 
 def first_past(sheet: Sheet, points: Tensor) -> Past:
@@ -42,29 +39,26 @@ def first_past(sheet: Sheet, points: Tensor) -> Past:
 
 
 def texel_inputs(
-    sheet: Sheet, points: Tensor, past: Past, fps: float, skin: BodySurface
+    sheet: Sheet, points: Tensor, past: Past, fps: float, away: Tensor
 ) -> tuple[Tensor, Tensor, Past]:
     """Inputs (P, CHANNELS) at the texels of a frame, axes (P, 3, 3) there, and the past of the next frame.
 
-    points: (U, 3) m of the welded garment. skin: of the body in this frame.
+    points: (U, 3) m of the welded garment. away: (U,) m, its signed distances to the skin.
     """
     forms, tangents = sheet.forms(points)
     axes = sheet.axes(tangents)
     acceleration = (points - 2.0 * past.points[1] + past.points[0]) * fps**2
     force = points.new_tensor(FREE_FALL) - acceleration
-    away = skin.closest(points, FARTHEST).signed_distance.clamp(-FARTHEST, FARTHEST)
-    values = sheet.at_texels(torch.cat([force.clamp(-STRONGEST, STRONGEST), away[:, None]], dim=1))
-    local = (axes * values[:, :3, None]).sum(1)
+    sized = [force.clamp(-STRONGEST, STRONGEST), away[:, None].clamp(-FARTHEST, FARTHEST)]
+    values = sheet.places @ torch.cat(sized, dim=1)
     rows = torch.cat(
         [
-            forms.strain,
-            forms.bend,
-            (forms.strain - past.forms.strain) * fps,
-            (forms.bend - past.forms.bend) * fps,
+            forms,
+            (forms - past.forms) * fps,
             sheet.rest_bend,
-            local,
+            (axes * values[:, :3, None]).sum(1),
             values[:, 3:],
-            sheet.at_texels(sheet.mesh.points),
+            sheet.quarters[:, 0],
             torch.ones(len(axes), 1),
         ],
         dim=1,
@@ -73,5 +67,5 @@ def texel_inputs(
 
 
 def input_maps(sheet: Sheet, rows: Tensor) -> Tensor:
-    """Maps (..., CHANNELS, H, W) of inputs (..., P, CHANNELS) at the texels, padded across seams."""
-    return sheet.padded(scatter_map(rows, sheet.texels), TENSORS, VECTORS)
+    """Maps (..., CHANNELS, H / 2, W / 2) of inputs (..., P, CHANNELS) at the texels, padded across seams."""
+    return sheet.padded(rows, TENSORS, VECTORS)

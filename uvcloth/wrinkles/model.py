@@ -1,5 +1,6 @@
 """Trained wrinkles: the network, its checkpoint, and garments with wrinkles, frame after frame."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from importlib.resources import files
@@ -15,8 +16,9 @@ from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.physics.fabric import JERSEY
+from uvcloth.physics.outfit_clearing import CLEARANCE
 from uvcloth.physics.surface import BodySurface
-from uvcloth.wrinkles.inputs import Past, first_past, input_maps, texel_inputs
+from uvcloth.wrinkles.inputs import FARTHEST, Past, first_past, input_maps, texel_inputs
 from uvcloth.wrinkles.network import WrinkleConfig, WrinkleNet
 from uvcloth.wrinkles.sheet import Sheet
 
@@ -90,8 +92,9 @@ class WrinkledGarment:
     def __init__(self, wrinkles: Wrinkles, garment: Garment) -> None:
         """Lay the garment out. Raises InputError as `Sheet.of` does."""
         self.sheet = Sheet.of(garment, wrinkles.config.size)
-        self._net, self._gain = wrinkles.net, wrinkles.config.gain
+        self._net, self._config = wrinkles.net, wrinkles.config
         self._past: Past | None = None
+        self._shown: Tensor | None = None
 
     @property
     def mesh(self) -> Mesh:
@@ -100,18 +103,31 @@ class WrinkledGarment:
 
     def begin(self) -> None:
         """Forget the frames before."""
-        self._past = None
+        self._past = self._shown = None
 
     @torch.no_grad()
     def wrinkled(self, vertices: Tensor, fps: float, skin: BodySurface) -> Tensor:
         """Vertices (n, 3) m of the refined mesh with wrinkles, of the next frame of the garment (N, 3) m.
 
-        skin: of the body in this frame. All frames are in one frame of reference.
+        skin: of the body in this frame, which wrinkles keep off. All frames are in one frame of reference.
         """
-        points = vertices[self.sheet.refined.kept]
+        points, refined = vertices[self.sheet.refined.kept], self.sheet.refined
+        near = skin.closest(points, FARTHEST)
         past = first_past(self.sheet, points) if self._past is None else self._past
-        rows, axes, self._past = texel_inputs(self.sheet, points, past, fps, skin)
-        maps = self._net(input_maps(self.sheet, rows)[None].contiguous(memory_format=torch.channels_last))
-        local = maps[0].flatten(1)[:, self.sheet.texels.pixels].T
-        displacement = self._gain * self.sheet.at_vertices((axes * local[:, None]).sum(-1))
-        return self.sheet.refined.at(vertices) + displacement
+        rows, axes, self._past = texel_inputs(self.sheet, points, past, fps, near.signed_distance)
+        maps = self._net(input_maps(self.sheet, rows[None]))
+        local = maps[0].flatten(1)[:, self.sheet.texels.pixels].T.reshape(-1, 3, 4)
+        if self._shown is not None:
+            local = lagged(self._shown, local, fps, self._config.lag)
+        self._shown = local
+        offsets = self._config.gain * self.sheet.at_vertices(axes @ local)
+        # Planes along the skin: of the points, and between them.
+        planes = refined.matrix @ torch.cat([near.normals, near.signed_distance[:, None]], dim=1)
+        normals, away = planes.split([3, 1], dim=1)
+        lacking = CLEARANCE - away - (offsets * normals).sum(1, keepdim=True)
+        return refined.matrix @ points + offsets + lacking.clamp(min=0.0) * normals
+
+
+def lagged(before: Tensor, now: Tensor, fps: float, lag: float) -> Tensor:
+    """Values that follow new ones, now, from those of the frame before with a lag, s."""
+    return now if lag == 0.0 else now + math.exp(-1.0 / (fps * lag)) * (before - now)

@@ -15,6 +15,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "width": (1, 256),
     "levels": (1, 6),
     "gain": (0.0, 10.0),
+    "lag": (0.0, 10.0),
     "reach": (0.0, 1e6),
 }
 """Least and greatest value of every number."""
@@ -34,6 +35,8 @@ class WrinkleConfig:
     """Limit of scaled inputs."""
     gain: float = 1.0
     """Factor on displacements when they are shown: a network that is not sure makes weak folds."""
+    lag: float = 0.03
+    """Seconds after which displacements that are shown have gone 63 % of the way to new ones: folds stay."""
     quality: str = "default"
     """Quality of the cage whose wrinkles it makes."""
     garments: tuple[str, ...] = ("tops",)
@@ -48,10 +51,26 @@ class WrinkleConfig:
             )
 
 
-class WrinkleNet(nn.Module):
-    """Maps (B, CHANNELS, H, W) -> displacements (B, 3, H, W), m, along u, v and the outward normal.
+class TexelGain(nn.Module):
+    """Channels (B, C, H, W) times a gain of each texel, plus its offset: maps that differ over a garment.
 
-    Half the size is the finest that is computed on; the last layer deals four texels out of each place.
+    Linear maps before and after it are the same at all texels; with it between them each has one.
+    """
+
+    def __init__(self, channels: int, size: int) -> None:
+        super().__init__()
+        self.gain = nn.Parameter(torch.ones(1, channels, size, size))
+        self.offset = nn.Parameter(torch.zeros(1, channels, size, size))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """The channels (B, C, H, W)."""
+        return x * self.gain + self.offset
+
+
+class WrinkleNet(nn.Module):
+    """Maps (B, CHANNELS, H / 2, W / 2) -> displacements (B, 12, H / 2, W / 2), m.
+
+    These are along u, v and the outward normal, each at the four quarters of a texel.
     """
 
     input_shift: Tensor
@@ -62,36 +81,43 @@ class WrinkleNet(nn.Module):
         super().__init__()
         self.config = config
         widths = [round(config.width * 1.5**level) for level in range(config.levels)]
+        sizes = [config.size // 2 >> level for level in range(config.levels)]
         self.register_buffer("input_shift", torch.zeros(CHANNELS, 1, 1))
         self.register_buffer("input_scale", torch.ones(CHANNELS, 1, 1))
-        self.register_buffer("output_scale", torch.full((3, 1, 1), 0.005))
-        self.first = nn.Conv2d(CHANNELS, widths[0], 4, stride=2, padding=1)
+        self.register_buffer("output_scale", torch.full((12, 1, 1), 0.005))
+        self.first = nn.Conv2d(CHANNELS, widths[0], 1)
+        self.here = nn.ModuleList(TexelGain(width, size) for width, size in zip(widths, sizes, strict=True))
         self.down = nn.ModuleList(
             nn.Conv2d(before, after, 4, stride=2, padding=1) for before, after in pairwise(widths)
         )
         self.across = nn.ModuleList(nn.Conv2d(width, width, 3, padding=1) for width in widths)
-        self.up = nn.ModuleList(
-            nn.Conv2d(deep + width, width, 3, padding=1) for width, deep in pairwise(widths)
-        )
+        self.narrow = nn.ModuleList(nn.Conv2d(deep, width, 1) for width, deep in pairwise(widths))
+        self.up = nn.ModuleList(nn.Conv2d(width, width, 3, padding=1) for width in widths[:-1])
+        self.end = TexelGain(widths[0], sizes[0])
         self.last = nn.Conv2d(widths[0], 12, 3, padding=1)
+        self.mean = nn.Parameter(torch.zeros(1, 12, sizes[0], sizes[0]))
         for parameter in self.last.parameters():
             nn.init.zeros_(parameter)
 
     def forward(self, maps: Tensor) -> Tensor:
-        """Displacements (B, 3, H, W) m, of input maps (B, CHANNELS, H, W)."""
-        reach = self.config.reach
-        x = (maps - self.input_shift * maps[:, -1:]) * self.input_scale
-        x = torch.nn.functional.silu(self.first(x.clamp(-reach, reach)))
+        """Displacements (B, 12, H / 2, W / 2) m, of input maps (B, CHANNELS, H / 2, W / 2)."""
+        silu, reach = nn.functional.silu, self.config.reach
+        scaled = torch.addcmul(maps * self.input_scale, maps[:, -1:], -self.input_shift * self.input_scale)
+        x = silu(self.here[0](self.first(scaled.clamp(-reach, reach))))
         skips: list[Tensor] = []
         for level, across in enumerate(self.across):
-            x = x + torch.nn.functional.silu(across(x))
+            x = x + silu(across(x))
             skips.append(x)
             if level < len(self.down):
-                x = torch.nn.functional.silu(self.down[level](x))
+                x = silu(self.here[level + 1](self.down[level](x)))
         for level in reversed(range(len(self.up))):
-            larger = torch.nn.functional.interpolate(
-                x, size=skips[level].shape[-2:], mode="bilinear", align_corners=False
-            )
-            x = torch.nn.functional.silu(self.up[level](torch.cat([larger, skips[level]], dim=1)))
-        dealt: Tensor = torch.nn.functional.pixel_shuffle(self.last(x), 2)
-        return dealt * self.output_scale
+            narrow = self.narrow[level](x)
+            x = skips[level] + nn.functional.interpolate(narrow, scale_factor=2.0, mode="bilinear")
+            x = x + silu(self.up[level](x))
+        made: Tensor = (self.last(self.end(x)) + self.mean) * self.output_scale
+        return made
+
+
+def dealt(maps: Tensor) -> Tensor:
+    """Displacements (B, 3, H, W) of those at quarters, (B, 12, H / 2, W / 2)."""
+    return nn.functional.pixel_shuffle(maps, 2)

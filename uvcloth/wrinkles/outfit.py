@@ -1,4 +1,4 @@
-"""Outfits that are shown with wrinkles: garments on finer meshes, displaced, then cleared from the skin."""
+"""Outfits that are shown with wrinkles: garments on finer meshes, displaced, and kept off each other."""
 
 from collections.abc import Sequence
 
@@ -9,6 +9,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.physics.outfit_clearing import FOLLOWING, OutfitClearing
 from uvcloth.physics.surface import BodySurface
+from uvcloth.player.clearing import ClearingMemory
 from uvcloth.wrinkles.model import WrinkledGarment, Wrinkles
 
 
@@ -40,13 +41,14 @@ class WrinkledOutfit:
                 lines.append(f"  {reason}: it stays plain")
         body = outfit.body
         self.meshes, self.lines = tuple(visible), tuple(lines)
-        self._clearing = OutfitClearing.of(body, visible)
-        self._cleared = self._clearing.start()
+        # A garment keeps off the skin by itself.
+        self._clearing = OutfitClearing.of(body, visible) if len(visible) > 1 else None
+        self._cleared: ClearingMemory | None = None
         self._skin = BodySurface(body.mesh.vertices, body.mesh.faces)
 
     def begin(self) -> None:
         """Forget the frames before: the next one follows nothing."""
-        self._cleared = self._clearing.start()
+        self._cleared = None
         for garment in self._garments.values():
             garment.begin()
 
@@ -62,9 +64,11 @@ class WrinkledOutfit:
             self._garments[place].wrinkled(vertices, fps, self._skin) if place in self._garments else vertices
             for place, vertices in enumerate(garments)
         ]
+        if self._clearing is None:
+            return tuple(wrinkled)
         points = [vertices[mesh.kept] for vertices, mesh in zip(wrinkled, self._clearing.meshes, strict=True)]
         collider = self._clearing.collider(body_vertices)
         self._cleared, finished = self._clearing.clear(
-            points, collider, body_vertices, self._cleared, FOLLOWING
+            points, collider, body_vertices, self._cleared or self._clearing.start(), FOLLOWING
         )
         return finished

@@ -10,7 +10,7 @@ from torch import Tensor
 from rasterize.layout import Layout
 from rasterize.texels import Texels
 
-PADDING = 6.0
+PADDING = 4.0
 """Pixels around each chart that are filled."""
 
 Floats = NDArray[np.float64]
@@ -19,15 +19,28 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class SeamPadding:
-    """The G pixels beside charts, and the pixels of other charts that show what lies there on the cloth.
+    """The G pixels beside charts, and the texels of other charts that show what lies there on the cloth.
 
-    pixels: (G,) of the flattened sheet. sources: (G,) pixels of texels. turns: (G, 2, 2) orthogonal, which
-    turn directions on the sheet at the source into directions at the pixel.
+    pixels: (G,) of the flattened sheet. sources: (G,) texels. turns: (G, 2, 2) orthogonal, which turn
+    directions on the sheet at the source into directions at the pixel. tensor_turns: (G, 3, 3), the same for
+    the entries 00, 11, 01 of symmetric tensors.
     """
 
     pixels: Tensor
     sources: Tensor
     turns: Tensor
+    tensor_turns: Tensor
+
+    def beside(self, rows: Tensor, tensors: slice, vectors: slice) -> Tensor:
+        """Values (..., G, C) at the pixels from rows (..., P, C) at the texels.
+
+        tensors: channels, in threes, of symmetric tensors; vectors: in twos, of vectors along u and v.
+        """
+        values = rows[..., self.sources, :]
+        for part, turns in ((tensors, self.tensor_turns), (vectors, self.turns)):
+            grouped = values[..., part].unflatten(-1, (-1, turns.shape[-1]))
+            values[..., part] = (grouped @ turns.mT).flatten(-2)
+        return values
 
 
 def seam_padding(layout: Layout, faces: Tensor, texels: Texels) -> SeamPadding:
@@ -43,7 +56,7 @@ def seam_padding(layout: Layout, faces: Tensor, texels: Texels) -> SeamPadding:
     centres = np.stack([free % size + 0.5, size - free // size - 0.5], 1)
     if not len(start):
         nothing = torch.zeros(0, dtype=torch.int64)
-        return SeamPadding(nothing, nothing, torch.zeros(0, 2, 2))
+        return SeamPadding(nothing, nothing, torch.zeros(0, 2, 2), torch.zeros(0, 3, 3))
     edge, share, away = _nearest_edges(centres, start, end, inward)
     near = (away < PADDING) & (twin[edge] >= 0)
     free, edge, share, away = free[near], edge[near], share[near], away[near]
@@ -58,7 +71,15 @@ def seam_padding(layout: Layout, faces: Tensor, texels: Texels) -> SeamPadding:
     turns = np.einsum("gi,gj->gij", along, -along_other) + np.einsum(
         "gi,gj->gij", -inward[edge], inward[other]
     )
-    return SeamPadding(torch.from_numpy(free), torch.from_numpy(sources), torch.from_numpy(turns).float())
+    turned = torch.from_numpy(turns).float()
+    return SeamPadding(torch.from_numpy(free), torch.from_numpy(sources), turned, _tensor_turns(turned))
+
+
+def _tensor_turns(turns: Tensor) -> Tensor:
+    """Products (G, 3, 3) for entries 00, 11, 01 of symmetric tensors S that are turned to R S R^T."""
+    (a, b), (c, d) = (row.unbind(1) for row in turns.unbind(1))
+    rows = [a * a, b * b, 2.0 * a * b, c * c, d * d, 2.0 * c * d, a * c, b * d, a * d + b * c]
+    return torch.stack(rows, dim=1).view(-1, 3, 3)
 
 
 def _seam_edges(layout: Layout, faces: Indices, size: int) -> tuple[Floats, Floats, Floats, Indices]:
@@ -113,13 +134,13 @@ def _nearest_edges(
 
 
 def _nearest_texel(pixels: Indices, texels: Texels) -> Indices:
-    """Pixels (G,), each moved to the nearest one that has a texel."""
+    """The texel (G,) that is nearest to each pixel (G,)."""
     from scipy.spatial import KDTree
 
     size, taken = texels.width, texels.pixels.numpy()
     tree = KDTree(np.stack([taken // size, taken % size], 1))
-    nearest = tree.query(np.stack([pixels // size, pixels % size], 1))[1]
-    return taken[nearest]
+    nearest: Indices = tree.query(np.stack([pixels // size, pixels % size], 1))[1]
+    return nearest
 
 
 def _unit(ways: Floats) -> Floats:
