@@ -9,13 +9,14 @@ start.
 plain: the smooth surface. table: the true folds of another moment of training. sharpened: the cloth's offset
 from the skinned garment without its long waves, times a factor. pooled, local: ridge regression of the
 displacement on the inputs of the same texel, one for all texels, one for each. global: of all texels on
-principal components of all inputs. NAME x GAIN: with the gain by which waves of 20 to 80 mm get their true
-size on validation. finer cage: the same motion on cages with edges of 30 mm.
+principal components of all inputs. NAME x GAIN: with the lag of the network, and the gain by which waves of
+20 to 80 mm get their true size on validation. finer cage: the same motion on cages with edges of 30 mm.
 """
 
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -36,7 +37,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.physics.surface import closest_points
 from uvcloth.process.command import run_command
 from uvcloth.wrinkles.inputs import input_maps
-from uvcloth.wrinkles.model import load_wrinkles
+from uvcloth.wrinkles.model import Wrinkles, lagged, load_wrinkles
 from uvcloth.wrinkles.sheet import Sheet
 
 FIRST = 15
@@ -65,12 +66,12 @@ MOVING = [*range(12), *range(15, 19)]
 class Judged:
     """A run with what is needed to judge displacements on it.
 
-    clip: name. inputs: (T, P, CHANNELS). axes: (T, P, 3, 3). truth: (T, P, 3, 4) m on these axes, at the
+    fps: of the run. inputs: (T, P, CHANNELS). axes: (T, P, 3, 3). truth: (T, P, 3, 4) m on these axes, at the
     quarters of texels. smooth: (T, n, 3) m of the refined mesh. sharp: (T, n, 3) m, see the module. finer:
     (T, n, 3) m, offset of a finer cage. looks: of the true folds in the frames that are scored by them.
     """
 
-    clip: str
+    fps: float
     inputs: Tensor
     axes: Tensor
     truth: Tensor
@@ -97,7 +98,7 @@ def judged(
     finer = coarse_garment(garment, body, run.transforms.double(), run.fps, "fine")
     smooth = sheet.refined.at(coarse)
     return Judged(
-        run.clip,
+        run.fps,
         inputs,
         axes,
         truth,
@@ -233,9 +234,8 @@ def with_one(values: Tensor) -> Tensor:
     return torch.cat([values, torch.ones_like(values[..., :1])], dim=-1)
 
 
-def network(folder: Path, body: Body, sheet: Sheet) -> Maker:
-    """The maker of a trained network."""
-    wrinkles = load_wrinkles(folder, body)
+def network(wrinkles: Wrinkles, sheet: Sheet) -> Maker:
+    """The maker of a trained network, without its lag and its gain."""
 
     def make(run: Judged) -> Tensor:
         maps = torch.cat([wrinkles.net(input_maps(sheet, rows)) for rows in run.inputs.split(8)])
@@ -283,10 +283,12 @@ class WrinklesBenchmark:
         console.print(", ".join(f"{split}: {len(held[split])} runs" for split in self.splits))
         console.print(f"| | | {' | '.join(COLUMNS)} |", soft_wrap=True)
         for folder in self.models:
-            make = network(folder, body, sheet)
+            wrinkles = load_wrinkles(folder, body)
+            make = network(wrinkles, sheet)
             shown(folder.name, make)
-            gain = gain_of(sheet, filters, held["validation"], make)
-            shown(f"{folder.name} x {gain:.2f}", multiplied(gain, make))
+            late = lagging(make, wrinkles.config.lag)
+            gain = gain_of(sheet, filters, held["validation"], late)
+            shown(f"{folder.name} x {gain:.2f}", multiplied(gain, late))
         if not self.rivals:
             return
         shown("truth on maps", lambda run: run.truth)
@@ -314,6 +316,18 @@ class WrinklesBenchmark:
         shown("pooled", fit_pooled(inputs, table, RIDGES[1]))
         shown(*best([f"local {ridge:g}" for ridge in RIDGES], fit_local(inputs, table, RIDGES)))
         shown(*best([f"global {count}" for count in KEPT], fit_global(inputs, table, KEPT, 1.0)))
+
+
+def lagging(make: Maker, lag: float) -> Maker:
+    """What is made, with a lag, s."""
+
+    def late(run: Judged) -> Tensor:
+        frames = list(make(run))
+        for before, now in pairwise(range(len(frames))):
+            frames[now] = lagged(frames[before], frames[now], run.fps, lag)
+        return torch.stack(frames)
+
+    return late
 
 
 def multiplied(gain: float, make: Maker) -> Maker:

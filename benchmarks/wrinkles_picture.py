@@ -2,8 +2,9 @@
 
     python benchmarks/wrinkles_picture.py DATA RUN ... --out wrinkles.png
 
-Rows: tracking cloth, networks, the smooth surface of the cage; each is cleared from the skin. Columns: a
-moment of each run of the split, by default the one with the largest true folds, half of them from behind.
+Rows: tracking cloth, networks, with --finer cages of the quality `fine`, the smooth surface of the cage; each
+is cleared from the skin. Columns: a moment of each run of the split, by default the one with the largest true
+folds, half of them from behind.
 """
 
 import sys
@@ -16,15 +17,15 @@ import tyro
 
 import uvcloth.render as studio
 from train.wrinkles.frames import FineTexels, run_files, run_frames
-from train.wrinkles.tracked_runs import load_run
+from train.wrinkles.tracked_runs import LED_IN, coarse_garment, load_run
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.loading import load_garment
 from uvcloth.physics.outfit_clearing import OutfitClearing
+from uvcloth.physics.surface import BodySurface
 from uvcloth.process.command import run_command
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
-from uvcloth.wrinkles.inputs import input_maps
-from uvcloth.wrinkles.model import load_wrinkles
+from uvcloth.wrinkles.model import WrinkledGarment, load_wrinkles
 from uvcloth.wrinkles.sheet import Sheet
 
 RAKING = np.array([-1.0, 0.05, 0.35], np.float32)
@@ -38,6 +39,7 @@ def main(
     out: Path,
     split: str = "test",
     at: int | None = None,
+    finer: bool = False,
     size: tuple[int, int] = (300, 330),
 ) -> None:
     """Draw the picture."""
@@ -49,25 +51,29 @@ def main(
     mesh = sheet.refined.mesh
     clearing = OutfitClearing.of(body, [mesh])
     places = FineTexels(garment, sheet)
-    networks = [load_wrinkles(folder, body) for folder in models]
-    rows: list[list[np.ndarray]] = [[] for _ in range(len(networks) + 2)]
+    networks = [WrinkledGarment(load_wrinkles(folder, body), garment) for folder in models]
+    skin = BodySurface(body.mesh.vertices, body.mesh.faces)
+    rows: list[list[np.ndarray]] = [[] for _ in range(len(networks) + 2 + finer)]
     for column, path in enumerate(run_files([data], split)):
         run = load_run(path)
-        inputs, truth, axes = run_frames(sheet, body, run, places.offsets(run, path))
+        _, truth, axes = run_frames(sheet, body, run, places.offsets(run, path))
         frame = int(truth.square().mean((1, 2, 3)).argmax()) if at is None else at
-        smooth = sheet.refined.at(run.coarse[frame + 2])
-        maps = [
-            net.config.gain * net.net(input_maps(sheet, inputs[frame][None]))[0].flatten(1)
-            for net in networks
-        ]
-        local = [truth[frame], *(each[:, sheet.texels.pixels].T.unflatten(1, (3, 4)) for each in maps)]
-        shown = [smooth + sheet.at_vertices(axes[frame] @ each) for each in local]
-        posed = posed_skin(body, run.transforms[frame : frame + 1])[0]
+        posed, smooth = posed_skin(body, run.transforms), sheet.refined.at(run.coarse[frame + 2])
+        shown = [smooth + sheet.at_vertices(axes[frame] @ truth[frame])]
+        for wrinkled in networks:
+            wrinkled.begin()
+            for now in range(max(0, frame - LED_IN), frame + 1):
+                skin.update(posed[now])
+                made = wrinkled.wrinkled(run.coarse[now + 2], run.fps, skin)
+            shown.append(made)
+        if finer:
+            moved = coarse_garment(garment, body, run.transforms.double(), run.fps, "fine")
+            shown.append(sheet.refined.at(moved[frame]))
         for row, vertices in zip(rows, (*shown, smooth), strict=True):
-            (cleared,) = clearing.cleared([vertices], posed)
+            (cleared,) = clearing.cleared([vertices], posed[frame])
             camera = three_quarter(cleared, turn=35.0 if column % 2 == 0 else 215.0, aspect=size[0] / size[1])
             surfaces = [
-                Surface(posed, body.mesh.faces, BODY_COLOR),
+                Surface(posed[frame], body.mesh.faces, BODY_COLOR),
                 Surface(cleared, mesh.faces, GARMENT_COLORS[1]),
             ]
             row.append(render(surfaces, camera, size))

@@ -121,11 +121,11 @@ class WrinkledGarment:
             local = lagged(self._shown, local, fps, self._config.lag)
         self._shown = local
         offsets = self._config.gain * self.sheet.at_vertices(axes @ local)
-        # Planes along the skin: of the points, and between them.
-        planes = refined.matrix @ torch.cat([near.normals, near.signed_distance[:, None]], dim=1)
-        normals, away = planes.split([3, 1], dim=1)
+        # The smooth surface, and planes along the skin, which between points are those between theirs.
+        values = torch.cat([points, near.normals, near.signed_distance[:, None]], dim=1)
+        smooth, normals, away = (refined.matrix @ values).split([3, 3, 1], dim=1)
         lacking = CLEARANCE - away - (offsets * normals).sum(1, keepdim=True)
-        return refined.matrix @ points + offsets + lacking.clamp(min=0.0) * normals
+        return smooth + offsets + lacking.clamp(min=0.0) * normals
 
 
 def lagged(before: Tensor, now: Tensor, fps: float, lag: float) -> Tensor:

@@ -1,0 +1,91 @@
+"""Processor time of a frame of a T-shirt: cages, wrinkles, and the parts of wrinkles; one thread.
+
+    python benchmarks/wrinkles_cost.py RUN
+
+RUN: made by `train.wrinkles.tracked_runs`. Figures are ms, the least of ROUNDS means: neighbours on the same
+core only lengthen them.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+import tyro
+from rich.console import Console
+from timing import fastest
+
+from train.wrinkles.tracked_runs import load_run
+from uvcloth.bodies.body import load_body
+from uvcloth.bodies.posing import posed_skin
+from uvcloth.garments.cage import QUALITIES
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.loading import load_garment
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
+from uvcloth.physics.surface import BodySurface
+from uvcloth.process.command import run_command
+from uvcloth.rollout import PreparedRollout, prepare_rollout
+from uvcloth.wrinkles.inputs import FARTHEST, first_past, input_maps, texel_inputs
+from uvcloth.wrinkles.model import SHIPPED, WrinkledGarment, load_wrinkles
+from uvcloth.wrinkles.outfit import WrinkledOutfit
+
+ROUNDS = 5
+
+
+@torch.no_grad()
+def main(run: tyro.conf.Positional[Path], model: Path = SHIPPED) -> None:
+    """Print the table."""
+    torch.set_num_threads(1)
+    console, tracked = Console(), load_run(run)
+    body = load_body()
+    garment = load_garment("tops", body)
+    outfit = Outfit(body, (garment,))
+
+    def shown(name: str, act: Callable[[], Any], frames: int) -> None:
+        spent = 1000.0 * fastest(act, ROUNDS, time.process_time) / frames
+        console.print(f"| {name} | {spent:.1f} |", soft_wrap=True)
+
+    motion = tracked.transforms.double()
+    for quality in QUALITIES:
+        prepared = prepare_rollout(Physics(PhysicsConfig(quality)), outfit)
+
+        def moved(prepared: PreparedRollout = prepared) -> None:
+            list(prepared.frames(motion, tracked.fps, keep_going=True))
+
+        shown(f"cage of the quality {quality}", moved, len(tracked))
+    wrinkles = load_wrinkles(model, body)
+    posed, coarse = posed_skin(body, tracked.transforms), tracked.coarse[2:]
+    dressed = WrinkledOutfit(wrinkles, outfit, [garment.mesh], wrinkles.config.quality)
+
+    def wrinkled() -> None:
+        dressed.begin()
+        for vertices, skin in zip(coarse, posed, strict=True):
+            dressed.shown((vertices,), skin, tracked.fps)
+
+    shown("wrinkles", wrinkled, len(tracked))
+    sheet = WrinkledGarment(wrinkles, garment).sheet
+    points, surface = coarse[0, sheet.refined.kept], BodySurface(posed[0], body.mesh.faces)
+    past, near = first_past(sheet, points), surface.closest(points, FARTHEST)
+    rows, axes, _ = texel_inputs(sheet, points, past, tracked.fps, near.signed_distance)
+    maps, local = input_maps(sheet, rows[None]), torch.zeros(len(axes), 3, 4)
+    parts: dict[str, Callable[[], Any]] = {
+        "distance to the skin": lambda: surface.closest(points, FARTHEST),
+        "inputs": lambda: texel_inputs(sheet, points, past, tracked.fps, near.signed_distance),
+        "padding": lambda: input_maps(sheet, rows[None]),
+        "network": lambda: wrinkles.net(maps),
+        "back to vertices": lambda: sheet.at_vertices(axes @ local),
+    }
+    for name, part in parts.items():
+
+        def repeated(part: Callable[[], Any] = part) -> None:
+            for _ in range(20):
+                part()
+
+        shown(f"of these: {name}", repeated, 20)
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("wrinkles_cost.py", lambda: tyro.cli(main)))
