@@ -2,7 +2,7 @@
 
 After the tracking of shells by Bergou et al. 2007, with soft springs in place of constraints: fine cloth is
 pulled to the surface that a cage carries, but only by the part of its offset whose waves the cage can have.
-So its coarse motion is that of the cage, and what is left, folds, is a function of it.
+So its coarse motion is that of the cage, and what is left, folds, depends on it and on its past.
 """
 
 from collections.abc import Iterator

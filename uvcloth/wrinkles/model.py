@@ -14,7 +14,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import Checkpoint, TrainingData, body_record, load_checkpoint, restored
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
-from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh, neighbour_average
 from uvcloth.physics.fabric import JERSEY
 from uvcloth.physics.outfit_clearing import CLEARANCE
 from uvcloth.physics.surface import BodySurface
@@ -93,6 +93,8 @@ class WrinkledGarment:
         """Lay the garment out. Raises InputError as `Sheet.of` does."""
         self.sheet = Sheet.of(garment, wrinkles.config.size)
         self._net, self._config = wrinkles.net, wrinkles.config
+        mesh = self.sheet.refined.mesh
+        self._average = neighbour_average(mesh.faces, len(mesh.vertices)).float().to_sparse_csr()
         self._past: Past | None = None
         self._shown: Tensor | None = None
 
@@ -120,12 +122,15 @@ class WrinkledGarment:
         if self._shown is not None:
             local = lagged(self._shown, local, fps, self._config.lag)
         self._shown = local
-        offsets = self._config.gain * self.sheet.at_vertices(axes @ local)
+        rough = self._config.gain * self.sheet.at_vertices(axes @ local)
+        # Half the way to the mean around: gains of texels are rough, and both sides of a seam differ.
+        offsets = 0.5 * (rough + self._average @ rough)
         # The smooth surface, and planes along the skin, which between points are those between theirs.
         values = torch.cat([points, near.normals, near.signed_distance[:, None]], dim=1)
         smooth, normals, away = (refined.matrix @ values).split([3, 3, 1], dim=1)
-        lacking = CLEARANCE - away - (offsets * normals).sum(1, keepdim=True)
-        return smooth + offsets + lacking.clamp(min=0.0) * normals
+        outwards = (offsets * normals).sum(1, keepdim=True)
+        room = (away - CLEARANCE).clamp(min=0.0)
+        return smooth + offsets + (outwards.clamp(min=-room) - outwards) * normals
 
 
 def lagged(before: Tensor, now: Tensor, fps: float, lag: float) -> Tensor:

@@ -27,7 +27,7 @@ class WrinkleConfig:
 
     size: int = 128
     """Height and width of every map."""
-    width: int = 24
+    width: int = 16
     """Channels at half of that size; each of the next levels has half as many more."""
     levels: int = 4
     """Times that maps are halved."""
