@@ -16,7 +16,7 @@ from train.wrinkles.tracked_runs import TrackedRun, fine_mesh, fine_mesh_name, l
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.wrinkles.model import load_wrinkles
-from uvcloth.wrinkles.network import WrinkleConfig
+from uvcloth.wrinkles.network import WrinkleConfig, WrinkleNet
 
 CONFIG = WrinkleConfig(size=64, width=4, levels=2)
 FRAMES = 6
@@ -84,6 +84,7 @@ def test_a_network_that_makes_nothing_explains_nothing(data: Path) -> None:
     net = objective.networks()["net"]
     # Before it is trained, it makes the mean of the training.
     assert objective.validate(net)["unexplained"] < 0.7
+    assert isinstance(net, WrinkleNet)
     torch.nn.init.zeros_(net.mean)
     scores = objective.validate(net)
     assert scores["unexplained"] == pytest.approx(1.0)
