@@ -14,7 +14,7 @@ from scipy.sparse.linalg import spsolve
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.rotations import from_axis_angles, rotate, rotate_back
+from uvcloth.geometry.rotations import from_axis_angles, rotate, rotate_back, to_axis_angles
 from uvcloth.motion.arms import (
     FRAMES_AT_ONCE,
     PosedTrunk,
@@ -30,6 +30,12 @@ TOLERANCE = 0.002
 
 ROUNDS = 40
 """Most rounds of turning."""
+
+HALVINGS = 5
+"""Halvings by which the least share of a turn is searched that keeps an arm clear."""
+
+FADING = 0.13
+"""Seconds before and after a frame over which the share of its turn fades."""
 
 PASSES = 4
 """Most times that turns are found, each with the frames in which those before took an arm inside."""
@@ -73,8 +79,8 @@ def clear_arms(clip: Clip, body: Body, held: int = 0) -> Clip:
     (a w - b)^2 over all places r of the arm (from the shoulder) that miss their clearance by b, with
     a = r x n for the direction n outwards, plus the weighted squares of w and of its second differences in
     time. Rotations of other joints stay. Where that takes an arm inside in a frame in which it was outside,
-    all is done again with this frame among the others. Returns the clip itself where no arm misses its
-    clearance.
+    all is done again with this frame among the others. At the end the turns are as small as they may be.
+    Returns the clip itself where no arm misses its clearance.
     """
     transforms = _around_start(clip)
     watched = _missing(body, transforms) > 0.0
@@ -98,6 +104,7 @@ def _cleared(
         shoulders = (at[..., :3] @ skeleton.heads[upper] + at[..., 3])[:, None]
         carriers, branch = clip.rotations[:, skeleton.parents[upper]], skeleton.branch(upper)
         turns = _turns(deep, deep.places[:, arm], shoulders, carriers[deep.indices], smoothness)
+        turns = _least_shares(deep, deep.places[:, arm], shoulders, carriers[deep.indices], turns, clip.fps)
         rotations[:, branch] = (carriers @ turns @ carriers.mT)[:, None] @ rotations[:, branch]
     return replace(clip, rotations=rotations)
 
@@ -150,6 +157,36 @@ def _turns(
         rows *= (missing > 0.0)[..., None]
         turns = from_axis_angles(_least_turns(rows, missing, deep.indices, smoothness)) @ turns
     return turns
+
+
+def _least_shares(
+    deep: _DeepFrames, places: Tensor, shoulders: Tensor, carriers: Tensor, turns: Tensor, fps: float
+) -> Tensor:
+    """Turns (T, 3, 3) of a shoulder by the least share of some in each frame that keeps an arm as clear.
+
+    Smooth turns that take a hand around a knee take it far from it in the frames beside. Shares fade slowly.
+    Other arguments: as in `_turns`.
+    """
+    angles, at = to_axis_angles(turns), deep.indices
+    offsets = rotate_back(carriers[:, None], places - shoulders)
+
+    def missing(shares: Tensor) -> Tensor:
+        """Metres (F,) of clearance that the arm misses at the worst place, turned by shares (F,)."""
+        turned = rotate(from_axis_angles(shares[:, None] * angles[at])[:, None], offsets)
+        return deep.missing(shoulders + rotate(carriers[:, None], turned))[0].amax(1)
+
+    low, high = torch.zeros(len(at)), torch.ones(len(at))
+    allowed = missing(high).clamp(min=TOLERANCE)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        is_clear = missing(middle) <= allowed
+        low, high = torch.where(is_clear, low, middle), torch.where(is_clear, middle, high)
+    radius = max(1, round(FADING * fps))
+    shares = torch.zeros(len(turns)).index_put((at,), high)[None, None]
+    highest = torch.nn.functional.max_pool1d(shares, 2 * radius + 1, stride=1, padding=radius)
+    padded = torch.nn.functional.pad(highest, (radius, radius), mode="replicate")
+    faded = torch.nn.functional.avg_pool1d(padded, 2 * radius + 1, stride=1)[0, 0]
+    return from_axis_angles(faded[:, None] * angles)
 
 
 def _least_turns(rows: Tensor, distances: Tensor, indices: Tensor, smoothness: sparse.csr_array) -> Tensor:
