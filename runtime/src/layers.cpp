@@ -29,17 +29,17 @@ Array<int32_t> first_faces(Array<int32_t> starts, Array<Face> faces, Arena &aren
 }
 
 // A garment where it lies now, and its normals at vertices (N), of unit length.
-struct Inner {
+struct Placed {
     bool is_fitted;
     FittedTree tree;
 };
 
-void fit_inner(const Layers &layers, int garment, const Vec *cloth, Inner &inner, Vec *normals,
-               Arena &work) {
-    if (inner.is_fitted) return;
+void fit_garment(const Layers &layers, int garment, const Vec *cloth, Placed &placed, Vec *normals,
+                 Arena &work) {
+    if (placed.is_fitted) return;
     const LaneTree &tree = layers.trees[garment];
-    inner = {true, make_fitted_tree(tree, work)};
-    fit(tree, cloth, inner.tree);
+    placed = {true, make_fitted_tree(tree, work)};
+    fit(tree, cloth, placed.tree);
     for (int k = layers.starts[garment]; k < layers.starts[garment + 1]; k++) normals[k] = {};
     for (Face f : tree.faces) {
         Vec normal = cross(cloth[f.b] - cloth[f.a], cloth[f.c] - cloth[f.a]);
@@ -173,7 +173,7 @@ void lift(const Layers &layers, const Rings &rings, Array<int32_t> over, Vec *cl
     Scope scope(work);
     int garments = layers.starts.size - 1, vertices = layers.touches.size;
     if (!layers.outer.size) return;
-    Array<Inner> inner = work.take<Inner>(garments);
+    Array<Placed> placed = work.take<Placed>(garments);
     Array<Vec> normals = work.take<Vec>(vertices), moves;
     // Of one turn nobody asks for the moves.
     if (turns > 1) moves = work.take<Vec>(vertices);
@@ -184,26 +184,26 @@ void lift(const Layers &layers, const Rings &rings, Array<int32_t> over, Vec *cl
         // The inner garments are where their own lifting left them, and stay there.
         for (int pair = first; pair < last; pair++) {
             int garment = layers.inner[pair];
-            fit_inner(layers, garment, cloth, inner[garment], normals.data, work);
+            fit_garment(layers, garment, cloth, placed[garment], normals.data, work);
         }
         if (over.size) {
-            fit_inner(layers, outer, cloth, inner[outer], normals.data, work);
+            fit_garment(layers, outer, cloth, placed[outer], normals.data, work);
             for (int pair = first; pair < last; pair++)
-                spread_over(layers, pair, rings, inner[outer].tree, cloth, normals.data, over, work);
-            inner[outer].is_fitted = false;
+                spread_over(layers, pair, rings, placed[outer].tree, cloth, normals.data, over, work);
+            placed[outer].is_fitted = false;
         }
         for (int turn = 0; turn < turns; turn++) {
             for (Vec &move : moves) move = {};
             for (int pair = first; pair < last; pair++)
-                lift_off(layers, pair, over, inner[layers.inner[pair]].tree, normals.data, cloth, moves.data,
+                lift_off(layers, pair, over, placed[layers.inner[pair]].tree, normals.data, cloth, moves.data,
                          clearance);
             if (turn < turns - 1) follow(rings, cloth, moves.data);
         }
         if (!over.size) continue;
-        fit_inner(layers, outer, cloth, inner[outer], normals.data, work);
+        fit_garment(layers, outer, cloth, placed[outer], normals.data, work);
         for (int pair = first; pair < last; pair++)
-            if (lift_over(layers, pair, over, inner[outer].tree, normals.data, cloth, clearance))
-                inner[layers.inner[pair]].is_fitted = false;
+            if (lift_over(layers, pair, over, placed[outer].tree, normals.data, cloth, clearance))
+                placed[layers.inner[pair]].is_fitted = false;
     }
 }
 
