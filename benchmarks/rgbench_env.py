@@ -5,10 +5,10 @@ RGBench's own programs run it too: return `UvclothEnv(cfg=env_cfg)` in its rgben
 Fabrics come from configs/cloth_params, whose units the repository does not say. They read as grams,
 millimetres and seconds, as garment CAD has them: density in g/m2 (220 of a T-shirt), stretch in g/s2
 (230,000 is 230 N/m), bending in g mm2/s2 (1,000 is 1e-6 N m). poisson is as it is; where a file lacks it,
-POISSON, as in all others. Our fabrics have one coefficient of friction: ground_friction where there is one,
-or friction. Left out are kinetic friction; damping, 0.1 in all files, of no unit (the solver's own
-`Damping` and drag stay); and mass, 0.255 kg for a skirt and a coat alike. RGBench fitted the numbers to its
-own simulator and asks others to fit theirs anew, which is not done here.
+POISSON, as in the others. Our fabrics have one coefficient of friction: ground_friction where there is one,
+or friction. Left out are kinetic friction; damping, 0.1 in all files, of no unit (DAMPING stands, and our own
+drag); and mass, 0.255 kg for a skirt and a coat alike. RGBench fitted the numbers to its own simulator and
+asks others to fit theirs anew, which is not done here.
 
 Where the repository leaves something open or says it in two ways:
 - Arms stand at BASES in its simulators, which made the published figures, and the other way round in its docs
@@ -39,7 +39,7 @@ from benchmarks.rgbench_files import ARMS, GripperPath, Points, entry, number, r
 from uvcloth.errors import InputError
 from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.physics.cloth.body import Body, make_body
-from uvcloth.physics.cloth.cloth import make_cloth
+from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.cloth.solver import Motion, Settings, make_solver, start, step
 from uvcloth.physics.fabric import Fabric, fabric_from
 
@@ -54,6 +54,9 @@ GRIP = 0.1
 
 PIN, PIN_DAMPING, PIN_MASS = 1000.0, 0.7, 1000.0
 """Frequency, 1/s, and damping ratio of the springs that move pins, and times that pins are heavier."""
+
+DAMPING = Damping(stretch=1e-5)
+"""In the plane a tenth of the solver's own, which would decide the step of fine meshes of stiff cloth."""
 
 POISSON = 0.35
 """Poisson ratio where a file of parameters has none."""
@@ -119,6 +122,7 @@ class UvclothEnv:
                 mesh.faces.numpy(),
                 fabric_of(parameters, where),
                 mass_factor=np.where(pinned, PIN_MASS, 1.0),
+                damping=DAMPING,
             ),
             rest,
             ground(~pinned),

@@ -13,6 +13,7 @@ import yaml
 from numpy.typing import NDArray
 
 from uvcloth.errors import InputError, cause
+from uvcloth.files.atomic import atomic_write
 from uvcloth.files.json_file import read_json_document
 from uvcloth.files.reading import read_content
 
@@ -20,6 +21,9 @@ Points = NDArray[np.float64]
 
 METRICS = ("cd_l1_r2s", "cd_l1_s2r", "cd_l2_s2r")
 """Chamfer distances, m, by their names in the published table; the paper ranks by the first."""
+
+RESULTS = ("clouds", *METRICS, "grip_distance", "seconds")
+"""Columns of our table: point clouds that were measured, distances, m, and the time that it took, s."""
 
 MODE, ROBOT, ARMS = "fixed_point", "piper", ("left", "right")
 
@@ -146,7 +150,7 @@ def read_path(path: Path, base: Iterable[float]) -> GripperPath:
     Raises InputError naming a row that is not as long as the others, or no later than the one before.
     """
     columns = ("time", "pos_x", "pos_y", "pos_z")
-    rows = _table(path, columns)
+    rows = read_table(path, columns)
     try:
         values = np.array([[float(row[column]) for column in columns] for row in rows]).reshape(-1, 4)
     except ValueError as error:
@@ -158,7 +162,7 @@ def read_path(path: Path, base: Iterable[float]) -> GripperPath:
     return GripperPath(values[:, 0], values[:, 1:] + np.array(list(base)))
 
 
-def _table(path: Path, columns: Iterable[str]) -> list[dict[str, str]]:
+def read_table(path: Path, columns: Iterable[str]) -> list[dict[str, str]]:
     """Rows of a CSV file that has some columns."""
     try:
         rows = list(csv.DictReader(io.StringIO(read_content(path).decode("utf-8-sig"))))
@@ -171,6 +175,14 @@ def _table(path: Path, columns: Iterable[str]) -> list[dict[str, str]]:
         if None in row or None in row.values():
             raise InputError(f"{path}, row {index}: has another length than the header")
     return rows
+
+
+def _value(path: Path, row: Mapping[str, str], column: str) -> float:
+    """A number in a row of a table."""
+    try:
+        return float(row[column])
+    except ValueError as error:
+        raise InputError(f"{path}: {column} is {row[column]:.40}, expected a number") from error
 
 
 def cloud_times(folder: Path, start: float) -> dict[Path, float]:
@@ -238,7 +250,7 @@ def read_baselines(folder: Path) -> dict[str, dict[tuple[str, str], float]]:
     path = folder / "results" / "paper_baselines.csv"
     columns = ("garment", "action", "simulator", "mode", METRICS[0])
     baselines: dict[str, dict[tuple[str, str], float]] = {}
-    for row in _table(path, columns):
+    for row in read_table(path, columns):
         if row["mode"] == MODE:
             try:
                 distance = float(row[METRICS[0]])
@@ -248,3 +260,26 @@ def read_baselines(folder: Path) -> dict[str, dict[tuple[str, str], float]]:
                 ) from error
             baselines.setdefault(row["simulator"], {})[row["garment"], row["action"]] = distance
     return baselines
+
+
+def read_results(path: Path) -> dict[Cell, dict[str, float]]:
+    """What an earlier run wrote of each capture; nothing if there is no such file."""
+    if not path.exists():
+        return {}
+    rows = read_table(path, (*Cell._fields, *RESULTS))
+    return {
+        Cell(row["garment"], row["action"], row["sample"]): {
+            name: _value(path, row, name) for name in RESULTS
+        }
+        for row in rows
+    }
+
+
+def write_results(path: Path, results: Mapping[Cell, Mapping[str, float]]) -> None:
+    """Write a row per capture."""
+    with atomic_write(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([*Cell._fields, *RESULTS])
+        writer.writerows(
+            [*cell, *(f"{result[name]:.6g}" for name in RESULTS)] for cell, result in results.items()
+        )

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks import rgbench
-from benchmarks.rgbench_env import GRIP, UvclothEnv
-from benchmarks.rgbench_files import Cell, read_cloud, read_path, read_runs
+from benchmarks.rgbench_env import GRIP, UvclothEnv, fabric_of
+from benchmarks.rgbench_files import Cell, read_cloud, read_path, read_results, read_runs, write_results
 from tests.simulate.physics.scenes import sheet
 from uvcloth.errors import InputError
 from uvcloth.physics.cloth.solver import Settings
+from uvcloth.physics.fabric import Fabric
 
 BEGIN = 1.7529e9
 """Seconds since the epoch at which the recordings begin."""
@@ -137,7 +138,7 @@ class MadeUp:
 
 TIMES = np.arange(0.0, 1.3001, 0.01)
 FILMED = np.arange(1.0, 10.0) / 8.0
-"""Seconds at which there are point clouds, exact in the names of files: folding cloth multiplies differences."""
+"""Seconds at which there are point clouds, exact in names of files: folding cloth multiplies differences."""
 
 
 @pytest.fixture
@@ -160,6 +161,7 @@ def played(run: Mapping[str, Any], lead: float) -> dict[float, Points]:
 
 def results_of(made: MadeUp) -> list[dict[str, str]]:
     out = made.folder / "results.csv"
+    out.unlink(missing_ok=True)
     rgbench.main(made.folder, out)
     with out.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
@@ -260,6 +262,27 @@ def test_figures_stand_beside_the_published_ones(made: MadeUp, capsys: pytest.Ca
     rows = {line.split()[1]: line for line in capsys.readouterr().out.splitlines() if line.startswith("│")}
     assert "0.0 (1)" in rows["uvcloth"]
     assert rows["pybullet"].count("43.1 (1)") == 2
+
+
+def test_captures_of_an_earlier_run_are_not_run_again(
+    made: MadeUp, capsys: pytest.CaptureFixture[str]
+) -> None:
+    results_of(made)
+    out = made.folder / "results.csv"
+    before = {**read_results(out)[Cell("square", "fling", "01")], "cd_l1_r2s": 0.025}
+    write_results(out, {Cell("square", "fling", "01"): before})
+    rgbench.main(made.folder, out)
+    assert "25.0 (1)" in capsys.readouterr().out
+    out.write_text(out.read_text().replace("0.025", "little"))
+    with pytest.raises(InputError, match=r"results\.csv: cd_l1_r2s is little, expected a number"):
+        rgbench.main(made.folder, out)
+
+
+def test_fabrics_are_in_grams_millimetres_and_seconds() -> None:
+    coat = {"stretch": 1e6, "bending": 20000, "density": 400.0, "friction": 0.3}
+    fabric = fabric_of(coat, "coat.yaml")
+    assert fabric == Fabric(density=0.4, stretch=1000.0, poisson=0.35, bend=2e-5, friction=0.3)
+    assert fabric_of({**coat, "ground_friction": 0.2}, "coat.yaml").friction == 0.2
 
 
 def test_text_and_binary_clouds_are_the_same(tmp_path: Path) -> None:
