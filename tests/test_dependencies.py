@@ -22,6 +22,7 @@ MODULES = {
     "pillow": "PIL",
     "scikit-learn": "sklearn",
     "scikit-image": "skimage",
+    "pyyaml": "yaml",
 }
 """Name to import, where it is not the package's own."""
 
