@@ -6,6 +6,7 @@ other. `python -m tests.player.small_outfit OUTFIT MOTION` writes both as plain 
 
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import torch
@@ -69,8 +70,8 @@ def small_outfit() -> bytes:
     """The outfit, rounded as in a file, in which its body has pose shapes too."""
     body = small_body()
     garments = tuple(_tube(name, body, wider) for name, wider in (("slip", 0.0), ("skirt", 0.015)))
-    QUALITIES["coarse"] = COARSE
-    _, sections = _caged_sections(Outfit(body, garments), PhysicsConfig("coarse"), rounded=True)
+    with patch.dict(QUALITIES, coarse=COARSE):
+        _, sections = _caged_sections(Outfit(body, garments), PhysicsConfig("coarse"), rounded=True)
     covered = {name: array[::FEW] for name, array in sections.items() if name.startswith("covered.")}
     return pack(sections | covered, STEPS)
 
