@@ -66,7 +66,7 @@ Array<int32_t> reached_from_hems(const Outfit &outfit, Array<int32_t> over, Aren
 Array<int32_t> find_points_over(const Outfit &outfit, Array<PointPair> pairs, const Vec *positions,
                                 Arena &arena) {
     int garments = outfit.garments(), cages = outfit.cages.vertices();
-    if (garments < 2 || garments > MOST_ORDERED) return {};
+    if (!outfit.hems.size) return {};
     const Sheet &sheet = outfit.solver.sheet;
     Votes votes{arena.take<int32_t>(cages * garments), garments};
     bool is_any = false;

@@ -48,14 +48,26 @@ void fit_garment(const Layers &layers, int garment, const Vec *cloth, Placed &pl
     for (int k = layers.starts[garment]; k < layers.starts[garment + 1]; k++) normals[k] = unit(normals[k]);
 }
 
-// The move of a point off a face that is closest to it.
-Vec move_off(Face f, const Vec *cloth, const Vec *normals, Vec point, float clearance) {
+// A point over a face: the height along the interpolated normal, and whether it is not beside the face.
+struct Over {
+    Vec normal;
+    float height;
+    bool is_across;
+};
+
+Over over_face(Face f, const Vec *cloth, const Vec *normals, Vec point) {
     Vec weights = closest_barycentrics(point, cloth[f.a], cloth[f.b], cloth[f.c]);
     Vec away = point - weighted(weights, cloth[f.a], cloth[f.b], cloth[f.c]);
     Vec normal = unit(weighted(weights, normals[f.a], normals[f.b], normals[f.c]));
-    float distance = dot(away, normal);
-    if (distance >= clearance || absolute(distance) < COVERING * length(away)) return {};
-    return (clearance - distance) * normal;
+    float height = dot(away, normal);
+    return {normal, height, absolute(height) >= COVERING * length(away)};
+}
+
+// The move of a point off a face that is closest to it.
+Vec move_off(Face f, const Vec *cloth, const Vec *normals, Vec point, float clearance) {
+    Over over = over_face(f, cloth, normals, point);
+    if (over.height >= clearance || !over.is_across) return {};
+    return (clearance - over.height) * over.normal;
 }
 
 bool lies_over(Array<int32_t> over, int vertex, int garment) {
@@ -87,11 +99,8 @@ bool is_outside(const LaneTree &tree, FittedTree &fitted, const Vec *cloth, cons
     float beyond = 0;
     int face = closest_face(tree, fitted, point, REACH_BENEATH, beyond);
     if (face < 0) return false;
-    Face f = tree.faces.at(face);
-    Vec weights = closest_barycentrics(point, cloth[f.a], cloth[f.b], cloth[f.c]);
-    Vec away = point - weighted(weights, cloth[f.a], cloth[f.b], cloth[f.c]);
-    Vec normal = unit(weighted(weights, normals[f.a], normals[f.b], normals[f.c]));
-    return dot(away, normal) >= COVERING * length(away);
+    Over over = over_face(tree.faces.at(face), cloth, normals, point);
+    return over.is_across && over.height >= 0;
 }
 
 // Adds the neighbours of what lies over the outer garment of a pair that are outside it too.
@@ -181,7 +190,7 @@ void lift(const Layers &layers, const Rings &rings, Array<int32_t> over, Vec *cl
     for (int outer = 0; outer < garments; outer++, first = last) {
         while (last < layers.outer.size && layers.outer[last] == outer) last++;
         if (first == last) continue;
-        // The inner garments are where their own lifting left them, and stay there.
+        // The inner garments are where their own lifting left them; only what came out of them is moved again.
         for (int pair = first; pair < last; pair++) {
             int garment = layers.inner[pair];
             fit_garment(layers, garment, cloth, placed[garment], normals.data, work);

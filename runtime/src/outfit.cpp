@@ -82,28 +82,34 @@ Array<int32_t> find_borders(Array<Face> faces, const Rings &rings, Arena &arena)
     return is_border;
 }
 
-// For points on borders that no cage holds, the outer garments whose borders are far away at rest, as bits.
+// For points on borders that no cage holds, the outer garments whose borders are far away at rest, as bits;
+// nothing where no garment is tucked into another.
 Array<int32_t> find_hems(const Outfit &outfit, Arena &arena) {
-    const Clearing &fine = outfit.clearing;
-    Array<int32_t> hems = arena.take<int32_t>(outfit.points.vertices());
     int garments = outfit.garments();
-    if (garments < 2 || garments > MOST_ORDERED) return hems;
+    if (garments < 2 || garments > MOST_ORDERED) return {};
+    const Clearing &fine = outfit.clearing;
     Arena work;
     Array<int32_t> is_border = find_borders(fine.cloth.faces, fine.rings, work);
-    for (int garment = 0; garment < garments; garment++)
+    Array<int32_t> hems = arena.take<int32_t>(outfit.points.vertices());
+    List<Two> borders;  // Garments, and their points on borders, the outermost garment first.
+    int32_t outer = 0, tucked = 0;
+    for (int garment = garments - 1; garment >= 0; garment--) {
         for (int point = outfit.starts[garment]; point < outfit.starts[garment + 1]; point++) {
             bool is_free = is_border[point];
             for (int k = outfit.cage_starts[point]; k < outfit.cage_starts[point + 1]; k++)
                 is_free = is_free && !(outfit.hold[outfit.cage[k]] > 0);
             if (!is_free) continue;
-            for (int outer = garment + 1; outer < garments; outer++) {
-                bool is_far = true;
-                for (int other = outfit.starts[outer]; other < outfit.starts[outer + 1] && is_far; other++)
-                    is_far = !is_border[other] || length(fine.rest[point] - fine.rest[other]) > TUCKED;
-                hems[point] |= (int32_t)is_far << outer;
-            }
+            hems[point] = outer;
+            for (Two other : borders.items)
+                if (length(fine.rest[point] - fine.rest[other.second]) <= TUCKED)
+                    hems[point] &= ~(1 << other.first);
+            tucked |= hems[point];
         }
-    return hems;
+        for (int point = outfit.starts[garment]; point < outfit.starts[garment + 1]; point++)
+            if (is_border[point]) borders.add({garment, point});
+        outer |= 1 << garment;
+    }
+    return tucked ? hems : Array<int32_t>{};
 }
 
 }  // namespace

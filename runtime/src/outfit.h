@@ -30,9 +30,9 @@ struct SolverSettings {
 // that cloth may touch, among the body's and the caps' tips. hold: (n) 1/s, attachment of bands. cage_starts
 // (U + 1), cage, cage_weights: vertices of the cages around each point; cage_garments: (n) the garment of
 // each. hems: (U) for points on a border that nothing holds, bits of the outer garments that it is tucked into:
-// their borders are far from it at rest. starts: (G + 1) first point of each garment. shapes: (9 (J - 1), V, 3)
-// m, offsets of the body at rest for each number of the joints' turns from those of their parents, less one;
-// none for most bodies.
+// their borders are far from it at rest; empty where none is. starts: (G + 1) first point of each garment.
+// shapes: (9 (J - 1), V, 3) m, offsets of the body at rest for each number of the joints' turns from those of
+// their parents, less one; none for most bodies.
 // shown_starts: (G + 1) first shown vertex of each garment, and shown: the point that each lies at.
 struct Outfit {
     float size;
