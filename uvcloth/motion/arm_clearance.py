@@ -70,6 +70,26 @@ class _DeepFrames:
         return torch.cat(missing).clamp(min=0.0), torch.cat(outwards)
 
 
+@dataclass(frozen=True)
+class _Arm:
+    """One arm in the F deep frames of a clip, in the axes of the joint that carries its shoulder.
+
+    shoulders: (F, 1, 3) m. carriers: (F, 1, 3, 3), the rotations of that joint. offsets: (F, P, 3) m, of
+    places on the arm from the shoulder.
+    """
+
+    deep: _DeepFrames
+    shoulders: Tensor
+    carriers: Tensor
+    offsets: Tensor
+
+    def turned(self, turns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """The offsets turned by (F, 3, 3), metres (F, P) of clearance that they miss, and ways outwards."""
+        turned = rotate(turns[:, None], self.offsets)
+        missing, outwards = self.deep.missing(self.shoulders + rotate(self.carriers, turned))
+        return turned, missing, rotate_back(self.carriers, outwards)
+
+
 def clear_arms(clip: Clip, body: Body, held: int = 0) -> Clip:
     """Turn the upper arms of a clip on a body so that forearms and hands keep clear of torso and legs.
 
@@ -103,8 +123,10 @@ def _cleared(
         at = transforms[deep.indices, upper]
         shoulders = (at[..., :3] @ skeleton.heads[upper] + at[..., 3])[:, None]
         carriers, branch = clip.rotations[:, skeleton.parents[upper]], skeleton.branch(upper)
-        turns = _turns(deep, deep.places[:, arm], shoulders, carriers[deep.indices], smoothness)
-        turns = _least_shares(deep, deep.places[:, arm], shoulders, carriers[deep.indices], turns, clip.fps)
+        carrying = carriers[deep.indices][:, None]
+        offsets = rotate_back(carrying, deep.places[:, arm] - shoulders)
+        reached = _Arm(deep, shoulders, carrying, offsets)
+        turns = _least_shares(reached, _turns(reached, smoothness), clip.fps)
         rotations[:, branch] = (carriers @ turns @ carriers.mT)[:, None] @ rotations[:, branch]
     return replace(clip, rotations=rotations)
 
@@ -139,41 +161,29 @@ def _smoothness(count: int, fps: float, held: int) -> sparse.csr_array:
     return STIFFNESS * (fps / 30.0) ** 4 * (second.T @ second) + sparse.diags_array(weights)
 
 
-def _turns(
-    deep: _DeepFrames, places: Tensor, shoulders: Tensor, carriers: Tensor, smoothness: sparse.csr_array
-) -> Tensor:
-    """Turns (T, 3, 3) of a shoulder in all frames of a clip, in the axes of the joint that carries it.
-
-    In the deep frames: places (F, P, 3) m on the arm, shoulders (F, 1, 3) m, rotations carriers (F, 3, 3).
-    """
-    turns = torch.eye(3).repeat(smoothness.shape[0], 1, 1)
-    offsets = rotate_back(carriers[:, None], places - shoulders)
+def _turns(arm: _Arm, smoothness: sparse.csr_array) -> Tensor:
+    """Turns (T, 3, 3) of an arm's shoulder in all frames of a clip."""
+    turns, at = torch.eye(3).repeat(smoothness.shape[0], 1, 1), arm.deep.indices
     for _ in range(ROUNDS):
-        turned = rotate(turns[deep.indices][:, None], offsets)
-        missing, outwards = deep.missing(shoulders + rotate(carriers[:, None], turned))
+        turned, missing, outwards = arm.turned(turns[at])
         if float(missing.max()) <= TOLERANCE:
             break
-        rows = torch.linalg.cross(turned, rotate_back(carriers[:, None], outwards))
+        rows = torch.linalg.cross(turned, outwards)
         rows *= (missing > 0.0)[..., None]
-        turns = from_axis_angles(_least_turns(rows, missing, deep.indices, smoothness)) @ turns
+        turns = from_axis_angles(_least_turns(rows, missing, at, smoothness)) @ turns
     return turns
 
 
-def _least_shares(
-    deep: _DeepFrames, places: Tensor, shoulders: Tensor, carriers: Tensor, turns: Tensor, fps: float
-) -> Tensor:
-    """Turns (T, 3, 3) of a shoulder by the least share of some in each frame that keeps an arm as clear.
+def _least_shares(arm: _Arm, turns: Tensor, fps: float) -> Tensor:
+    """Turns (T, 3, 3) of an arm's shoulder by the least share of some in each frame that keeps it as clear.
 
     Smooth turns that take a hand around a knee take it far from it in the frames beside. Shares fade slowly.
-    Other arguments: as in `_turns`.
     """
-    angles, at = to_axis_angles(turns), deep.indices
-    offsets = rotate_back(carriers[:, None], places - shoulders)
+    angles, at = to_axis_angles(turns), arm.deep.indices
 
     def missing(shares: Tensor) -> Tensor:
         """Metres (F,) of clearance that the arm misses at the worst place, turned by shares (F,)."""
-        turned = rotate(from_axis_angles(shares[:, None] * angles[at])[:, None], offsets)
-        return deep.missing(shoulders + rotate(carriers[:, None], turned))[0].amax(1)
+        return arm.turned(from_axis_angles(shares[:, None] * angles[at]))[1].amax(1)
 
     low, high = torch.zeros(len(at)), torch.ones(len(at))
     allowed = missing(high).clamp(min=TOLERANCE)
