@@ -21,6 +21,7 @@ from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.player import opening
+from uvcloth.player.sections import row_starts
 from uvcloth.player.surface_graph import SurfaceGraph
 
 GAP = 0.012
@@ -114,7 +115,7 @@ def _opening(standing: _AtRest) -> Opening:
         for own_points, (_, other) in zip(points_of, sides, strict=True)
     ]
     sections = {
-        "opening.starts": _starts(points_of),
+        "opening.starts": row_starts([len(few) for few in points_of]),
         "opening.points": points,
         "opening.want": np.concatenate([np.zeros(0), *wanted]),
         "opening.spacing": np.array([POINT_SPACING]),
@@ -125,7 +126,7 @@ def _opening(standing: _AtRest) -> Opening:
         "opening.faces": torch.cat(skins).numpy(),
         "skin.rest": rest,
         "opening.tips": np.arange(len(body), count),
-        "opening.rim_starts": _starts(rims),
+        "opening.rim_starts": row_starts([len(rim) for rim in rims]),
         "opening.rims": _joined(rims),
     }
     at_rest = opening.Opening(sections).distances(collider.vertices(body).numpy()) - REST_MARGIN
@@ -160,11 +161,6 @@ def _allowed(other: np.ndarray, graph: csr_array) -> np.ndarray:
     """
     ways = dijkstra(graph, indices=other, limit=LONGEST_PUSH / SLOPE, min_only=True)
     return np.minimum(SLOPE * ways, LONGEST_PUSH).astype(np.float32)
-
-
-def _starts(groups: Sequence[np.ndarray]) -> np.ndarray:
-    """First row of each group and the end of the last: (G + 1,) int32."""
-    return np.cumsum([0, *(len(group) for group in groups)]).astype(np.int32)
 
 
 def _joined(groups: Sequence[np.ndarray]) -> np.ndarray:

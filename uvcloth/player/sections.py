@@ -6,7 +6,7 @@ little-endian.
 
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,11 @@ STORED = b"\x04"
 
 _FLOATS, _INTEGERS, _STEPS = 0, 1, 2
 _HEADER, _CHECKED, _ENTRY = struct.Struct("<8sII"), struct.Struct("<II"), struct.Struct("<32s5If")
+
+
+def row_starts(counts: Sequence[int] | NDArray[Any]) -> NDArray[np.int64]:
+    """First element of each row of a jagged array, whose rows have so many, and the end of the last."""
+    return np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
 
 
 def pack(

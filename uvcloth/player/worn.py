@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uvcloth.player.sections import pack, unpack
+from uvcloth.player.sections import pack, row_starts, unpack
 
 Rows = NDArray[np.intp]
 
@@ -67,12 +67,12 @@ def without_others(content: bytes, worn: Sequence[int]) -> bytes:
     pieces = _owners(old["sheet.starts"])
     piece_garments = garment_of_vertex[old["sheet.faces"][old["sheet.starts"][:-1], 0]]
     left_pieces = np.flatnonzero(kept[piece_garments])
-    sections["sheet.starts"] = _starts(np.bincount(pieces)[left_pieces])
+    sections["sheet.starts"] = row_starts(np.bincount(pieces)[left_pieces])
     sections["sheet.apart"] = old["sheet.apart"][np.ix_(left_pieces, left_pieces)]
     shown = kept[_owners(old["outfit.shown_starts"])]
     sections["outfit.shown"] = np.searchsorted(points, old["outfit.shown"][shown])
     for name in ("garments.starts", "outfit.shown_starts"):
-        sections[name] = _starts(np.diff(old[name])[kept])
+        sections[name] = row_starts(np.diff(old[name])[kept])
     pairs = kept[old["layers.outer"]] & kept[old["layers.inner"]]
     for name in ("layers.outer", "layers.inner"):
         sections[name] = np.searchsorted(np.flatnonzero(kept), old[name][pairs])
@@ -95,7 +95,7 @@ def _jagged(sections: dict[str, NDArray[Any]], name: str, values: str, rows: Row
     counts = np.diff(starts)
     shares = np.maximum(counts - 1, 0)
     return {
-        f"{name}.starts": _starts(counts[rows]),
+        f"{name}.starts": row_starts(counts[rows]),
         f"{name}.{values}": sections[f"{name}.{values}"][
             np.isin(np.repeat(np.arange(len(counts)), counts), rows)
         ],
@@ -108,7 +108,3 @@ def _jagged(sections: dict[str, NDArray[Any]], name: str, values: str, rows: Row
 def _owners(starts: NDArray[Any]) -> Rows:
     """The row that each element of a jagged array is of."""
     return np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-
-
-def _starts(counts: NDArray[Any]) -> Rows:
-    return np.concatenate([[0], np.cumsum(counts)])

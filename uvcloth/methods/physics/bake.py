@@ -12,6 +12,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.methods.physics.caged_garment import CagedGarment
 from uvcloth.physics.cloth.solver import Solver
 from uvcloth.physics.outfit_clearing import OutfitClearing
+from uvcloth.player.sections import row_starts
 
 REST_STEP, SHARE_STEP, COVERED_STEP = 2.0**-15, 2.0**-15, 2.0**-12
 """Steps that vertices at rest, m, shares that make one whole, and those of covered points are rounded to."""
@@ -52,7 +53,9 @@ def baked_sections(
     rims = [rim.numpy() for rim in clearing.closed.rims]
     shown = [
         each.mesh.places.numpy() + start
-        for each, start in zip(garments, _starts([len(each.mesh.points) for each in garments]), strict=False)
+        for each, start in zip(
+            garments, row_starts([len(each.mesh.points) for each in garments]), strict=False
+        )
     ]
     shapes = body.pose_shapes
     nothing = np.zeros((0, 3 * len(body.mesh.vertices)))
@@ -60,7 +63,7 @@ def baked_sections(
         "outfit.shapes": nothing if shapes is None else shapes.flatten(1).numpy(),
         "outfit.size": np.array([clearing.size]),
         "outfit.hold": hold,
-        "outfit.shown_starts": _starts([len(each) for each in shown]),
+        "outfit.shown_starts": row_starts([len(each) for each in shown]),
         "outfit.shown": np.concatenate(shown),
         "settings.needed": np.array([max(settings.substeps, 1.0 / (settings.safety * solver.stable_step))]),
         "settings.radius": np.array([settings.radius]),
@@ -72,7 +75,7 @@ def baked_sections(
         "settings.hinge_interval": np.array([1.0]),
         "skeleton.parents": np.array(body.skeleton.parents),
         "skeleton.heads": body.skeleton.heads.numpy(),
-        "caps.rim_starts": _starts([len(rim) for rim in rims]),
+        "caps.rim_starts": row_starts([len(rim) for rim in rims]),
         "caps.rims": np.concatenate([np.zeros((0, 2), np.int64), *rims]),
         **_skin("body", body.mesh.vertices, body.weights, 0.0, rounded),
         **_skin(
@@ -100,10 +103,6 @@ def baked_sections(
     return {name: array for name, array in sections.items() if name not in DERIVED}
 
 
-def _starts(sizes: Sequence[int]) -> NDArray[np.int64]:
-    return np.cumsum([0, *sizes])
-
-
 def _skin(name: str, rest: Tensor, weights: Tensor, least: float, rounded: bool) -> dict[str, NDArray[Any]]:
     """Vertices (V, 3) m at rest, and those of their weights (V, J) that are above 0, or at least `least`.
 
@@ -114,7 +113,7 @@ def _skin(name: str, rest: Tensor, weights: Tensor, least: float, rounded: bool)
     counts = np.bincount(rows, minlength=len(rest))
     return {
         f"{name}.rest": rest.numpy(),
-        f"{name}.starts": _starts(counts.tolist()),
+        f"{name}.starts": row_starts(counts),
         f"{name}.joints": joints,
         f"{name}.weights": _shares(weights.numpy()[rows, joints], counts, rounded),
     }
@@ -130,7 +129,7 @@ def _following(garments: Sequence[CagedGarment], rounded: bool) -> dict[str, NDA
         weights.append(shares[near])
         counts.extend(near.sum(1).tolist())
     return {
-        "follow.starts": _starts(counts),
+        "follow.starts": row_starts(counts),
         "follow.cage": np.concatenate(corners),
         "follow.weights": _shares(np.concatenate(weights), np.array(counts), rounded),
     }
@@ -160,9 +159,9 @@ def _parts(faces: NDArray[np.int64], clearing: OutfitClearing) -> dict[str, NDAr
         caps.append(list(dict.fromkeys((corners[~is_skin, 2] - body).tolist())))
     return {
         "parts.met": clearing.met.numpy(),
-        "parts.starts": _starts([len(rows) for rows in skins]),
+        "parts.starts": row_starts([len(rows) for rows in skins]),
         "parts.faces": np.concatenate(skins),
-        "parts.cap_starts": _starts([len(few) for few in caps]),
+        "parts.cap_starts": row_starts([len(few) for few in caps]),
         "parts.caps": np.array([cap for few in caps for cap in few], np.int64),
     }
 
