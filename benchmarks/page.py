@@ -17,16 +17,13 @@ machine's load is printed.
 """
 
 import base64
-import functools
 import os
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from http.server import SimpleHTTPRequestHandler
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +32,7 @@ import tyro
 from numpy.typing import NDArray
 
 from tests.commands.chromium import PROGRAM, Chromium
+from tests.commands.served import served
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
 from uvcloth.commands.options import Quality
@@ -118,7 +116,7 @@ class Pages:
             folder = Path(name)
             files = self.file or tuple(_bake(folder))
             write_page(Page(folder / "page", files))
-            with _served(folder / "page") as address, Chromium(folder) as browser:
+            with served(folder / "page", _Isolated) as address, Chromium(folder) as browser:
                 if self.minutes:
                     self._watch(browser, address)
                     return
@@ -230,17 +228,6 @@ class _Isolated(SimpleHTTPRequestHandler):
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Say nothing of what is asked for."""
-
-
-@contextmanager
-def _served(folder: Path) -> Iterator[str]:
-    handler = functools.partial(_Isolated, directory=folder)
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_port}/"
-        server.shutdown()
-        thread.join()
 
 
 if __name__ == "__main__":

@@ -1,14 +1,12 @@
 """A skirt that walks, its page in a folder and in one file, and a browser."""
 
-import functools
-import threading
 from collections.abc import Iterator
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
 
 from tests.commands.chromium import Chromium
+from tests.commands.served import served
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
 from uvcloth.commands.page import Page
@@ -54,13 +52,8 @@ def single(skirt: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def address(folder: Path) -> Iterator[str]:
     """The address of the folder's page on a server of this machine."""
-    handler = functools.partial(SimpleHTTPRequestHandler, directory=folder.parent)
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_port}/below/"
-        server.shutdown()
-        thread.join()
+    with served(folder.parent) as address:
+        yield f"{address}below/"
 
 
 @pytest.fixture(scope="session")

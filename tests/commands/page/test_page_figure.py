@@ -28,6 +28,13 @@ FOOT = """(() => {
 """Heights of the right foot and its toes over where they are on a figure that stands, m."""
 
 
+def open_paused(browser: Chromium, address: str) -> None:
+    """Open a page, pause it, watch what moves fastest, and wait until it has settled."""
+    open_page(browser, address)
+    browser.value(f"{PAUSE}; {WATCH}")
+    browser.wait_for(SETTLED)
+
+
 @needs_wasm
 @needs_browser
 @pytest.mark.parametrize(
@@ -37,9 +44,7 @@ FOOT = """(() => {
 def test_a_part_that_is_dragged_comes_to_the_pointer_and_stays_in_a_pause(
     browser: Chromium, address: str, part: str, way: tuple[float, float]
 ) -> None:
-    open_page(browser, address)
-    browser.value(f"{PAUSE}; {WATCH}")
-    browser.wait_for(SETTLED)
+    open_paused(browser, address)
     time, before = browser.value("uvcloth.playback.time"), browser.value(MARK % part)
     drag(browser, part, way)
     browser.wait_for("most.frames > 24")
@@ -60,9 +65,7 @@ def test_a_part_that_is_dragged_comes_to_the_pointer_and_stays_in_a_pause(
 @needs_wasm
 @needs_browser
 def test_a_foot_does_not_go_through_the_floor(browser: Chromium, address: str) -> None:
-    open_page(browser, address)
-    browser.value(f"{PAUSE}; {WATCH}")
-    browser.wait_for(SETTLED)
+    open_paused(browser, address)
     before = browser.value(FOOT)
     drag(browser, "right_foot", (40.0, 150.0))
     browser.wait_for("most.frames > 30")
@@ -80,9 +83,7 @@ def test_a_foot_does_not_go_through_the_floor(browser: Chromium, address: str) -
 @needs_wasm
 @needs_browser
 def test_keys_move_a_part(browser: Chromium, address: str) -> None:
-    open_page(browser, address)
-    browser.value(f"{PAUSE}; {WATCH}")
-    browser.wait_for(SETTLED)
+    open_paused(browser, address)
     before = browser.value(MARK % "left_hand")
     browser.value("document.querySelector('.grip[aria-label=\"left hand\"]').focus()")
     for _ in range(8):
