@@ -18,12 +18,12 @@ from statistics import median
 
 import torch
 import tyro
+from benchmarks.descriptor import plain
 from rich.console import Console
 from rich.table import Table
 from torch import Tensor, nn
 from torch.nn import functional
 
-from benchmarks.descriptor import plain
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.attach import DIFFUSION, make_garment

@@ -12,9 +12,9 @@ import yaml
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmarks import rgbench
-from benchmarks.rgbench_env import GRIP, UvclothEnv, fabric_of
-from benchmarks.rgbench_files import Cell, read_cloud, read_path, read_results, read_runs, write_results
+from benchmarks.rgbench import __main__ as rgbench
+from benchmarks.rgbench.env import GRIP, UvclothEnv, fabric_of
+from benchmarks.rgbench.files import Cell, read_cloud, read_path, read_results, read_runs, write_results
 from tests.simulate.physics.scenes import sheet
 from uvcloth.errors import InputError
 from uvcloth.physics.cloth.solver import Settings

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from benchmarks.rgbench_files import ARMS, GripperPath, Points, entry, number, read_path
+from benchmarks.rgbench.files import ARMS, GripperPath, Points, entry, number, read_path
 from uvcloth.errors import InputError
 from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.physics.cloth.body import Body, make_body

@@ -1,6 +1,6 @@
 """RGBench's captures of real garments (AAAI 2026, arXiv 2511.06434), run by this project's cloth solver.
 
-    PYTHONPATH=. python benchmarks/rgbench.py RGBENCH --out results.csv [--data DATA] [--garments brown_coat]
+    python -m benchmarks.rgbench RGBENCH --out results.csv [--data DATA] [--garments brown_coat]
 
 RGBENCH is a clone of github.com/hwk0809/RGBench, DATA its captures and meshes (RGBENCH/data/sample, where its
 scripts/download_data.py puts them). The mode is fixed_point, which tests a cloth solver alone: two vertices
@@ -13,7 +13,7 @@ are of three that nobody names: here all count.
 A second of motion takes 20 to 80 s of a core (two-layered sheets of 5,100 and 17,300 vertices). Captures that
 are in results.csv are not run again, so it may be stopped; or run it once a garment and join the tables.
 
-`benchmarks/rgbench_env.py` says how fabrics are read, and what the repository leaves open.
+`benchmarks/rgbench/env.py` says how fabrics are read, and what the repository leaves open.
 """
 
 import sys
@@ -29,8 +29,8 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial import KDTree
 
-from benchmarks.rgbench_env import UvclothEnv
-from benchmarks.rgbench_files import (
+from benchmarks.rgbench.env import UvclothEnv
+from benchmarks.rgbench.files import (
     ARMS,
     METRICS,
     Cell,
