@@ -24,8 +24,8 @@ SECONDS = 120.0
 class Chromium:
     """One page of a browser. errors: what its console has said in red. pid: of the program."""
 
-    def __init__(self, folder: Path) -> None:
-        """Start it, with a profile in a folder."""
+    def __init__(self, folder: Path, flags: tuple[str, ...] = ()) -> None:
+        """Start it, with a profile in a folder and flags beside FLAGS."""
         from websockets.sync.client import connect
 
         assert PROGRAM is not None
@@ -33,7 +33,7 @@ class Chromium:
         self._count = 0
         profile = folder / "profile"
         self._process = subprocess.Popen(
-            [PROGRAM, *FLAGS, f"--user-data-dir={profile}", "about:blank"],
+            [PROGRAM, *FLAGS, *flags, f"--user-data-dir={profile}", "about:blank"],
             stderr=subprocess.DEVNULL,
             env=os.environ | {"HOME": str(folder)},
         )

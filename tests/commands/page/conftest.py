@@ -56,8 +56,35 @@ def address(folder: Path) -> Iterator[str]:
         yield f"{address}below/"
 
 
+QUIET = (
+    *("--disable-gpu-compositing", "--disable-background-networking", "--disable-component-update"),
+    *("--disable-sync", "--disable-extensions"),
+)
+"""Flags that leave out what a browser does beside its page."""
+
+UNDRAWN = """for (const name of ["clear", "drawArrays", "drawElements"]) {
+  WebGL2RenderingContext.prototype[name] = () => {};
+}"""
+"""Leave out the pixels: without a graphics card they are most of what a page takes."""
+
+
 @pytest.fixture(scope="session")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
     pytest.importorskip("websockets")
-    with Chromium(tmp_path_factory.mktemp("browser")) as browser:
-        yield browser
+    with Chromium(tmp_path_factory.mktemp("browser"), QUIET) as chromium:
+        yield chromium
+
+
+@pytest.fixture
+def drawing_browser(chromium: Chromium) -> Iterator[Chromium]:
+    """A browser, which does not go on playing a page while other tests run."""
+    yield chromium
+    chromium.open("about:blank")
+
+
+@pytest.fixture
+def browser(drawing_browser: Chromium) -> Iterator[Chromium]:
+    """The browser, whose pages compute all that they show but do not draw it."""
+    added = drawing_browser.call("Page.addScriptToEvaluateOnNewDocument", source=UNDRAWN)
+    yield drawing_browser
+    drawing_browser.call("Page.removeScriptToEvaluateOnNewDocument", **added)

@@ -56,9 +56,11 @@ def check_cloth(browser: Chromium, skirt: Path) -> None:
 
 @needs_wasm
 @needs_browser
-def test_the_cloth_of_a_folder_is_that_of_the_runtime(browser: Chromium, address: str, skirt: Path) -> None:
-    open_page(browser, address)
-    check_cloth(browser, skirt)
+def test_the_cloth_of_a_folder_is_that_of_the_runtime(
+    drawing_browser: Chromium, address: str, skirt: Path
+) -> None:
+    open_page(drawing_browser, address)
+    check_cloth(drawing_browser, skirt)
 
 
 @needs_wasm
