@@ -73,6 +73,17 @@ def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:
     return torch.nn.functional.normalize(normals, dim=-1)
 
 
+def faces_around(faces: Tensor, count: int) -> Tensor:
+    """The faces of each of V = `count` vertices: (V, K) int64, -1 where a vertex has fewer than others."""
+    corners = faces.T.reshape(-1)
+    order = corners.argsort(stable=True)
+    counts = corners.bincount(minlength=count)
+    slots = torch.arange(len(corners)) - (counts.cumsum(0) - counts)[corners[order]]
+    table = torch.full((count, int(counts.max())), -1)
+    table[corners[order], slots] = order % len(faces)
+    return table
+
+
 def unique_edges(faces: Tensor) -> Tensor:
     """The undirected edges of a mesh, each once, lower vertex index first: (E, 2) int64."""
     keys = torch.unique(edge_keys(_directed_edges(faces)))

@@ -9,7 +9,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import LEG_PARTS, TORSO_PART, part_alone
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.geometry.mesh import vertex_normals
+from uvcloth.geometry.mesh import faces_around
 from uvcloth.motion.roles import joint_roles
 
 TORSO_CLEARANCE = 0.02
@@ -38,12 +38,12 @@ FRAMES_AT_ONCE = 256
 class PosedPart:
     """A part of a body in F frames, closed where others begin, and the clearance, m, that arms keep from it.
 
-    vertices: (F, N, 3) m. normals: (F, N, 3), unit. faces: (M, 3).
+    vertices: (F, N, 3) m. faces: (M, 3). around: (N, K) faces of each vertex, as of `faces_around`.
     """
 
     vertices: Tensor
-    normals: Tensor
     faces: Tensor
+    around: Tensor
     clearance: float
 
     def missing(self, points: Tensor) -> tuple[Tensor, Tensor]:
@@ -52,16 +52,27 @@ class PosedPart:
         Negative where points are farther away. Both are by the nearest vertex.
         """
         distance, nearest = torch.cdist(points, self.vertices).min(-1)
-        at = nearest[..., None].expand(-1, -1, 3)
-        way, normal = points - self.vertices.gather(1, at), self.normals.gather(1, at)
+        way = points - self._at(nearest)
         inside = torch.zeros_like(distance, dtype=torch.bool)
         # At folds, the nearest vertex's normal can mistake outside for inside: the winding number decides.
-        for doubtful in ((way * normal).sum(-1) < 0).nonzero().split(POINTS_AT_ONCE):
+        for doubtful in ((way * self._normals(nearest)).sum(-1) < 0).nonzero().split(POINTS_AT_ONCE):
             frame, point = doubtful.unbind(1)
             inside[frame, point] = winds_around(self.vertices[frame][:, self.faces], points[frame, point])
         sign = torch.where(inside, -1.0, 1.0)
         outwards = sign[..., None] * way / distance.clamp(min=1e-9)[..., None]
         return self.clearance - sign * distance, outwards
+
+    def _at(self, indices: Tensor) -> Tensor:
+        """Places (F, ..., 3) m of the vertices (F, ...) of each frame."""
+        flat = indices.flatten(1)[..., None].expand(-1, -1, 3)
+        return self.vertices.gather(1, flat).view(*indices.shape, 3)
+
+    def _normals(self, indices: Tensor) -> Tensor:
+        """Area-weighted normals (F, P, 3) of vertices (F, P), not of unit length."""
+        around = self.around[indices]
+        a, b, c = self._at(self.faces[around.clamp(min=0)]).unbind(-2)
+        normals = torch.linalg.cross(b - a, c - a)
+        return (normals * (around >= 0)[..., None]).sum(2)
 
 
 @dataclass(frozen=True)
@@ -87,7 +98,8 @@ def posed_trunk(body: Body, transforms: Tensor) -> PosedTrunk:
             continue
         faces = collider.parts[0]
         vertices = collider.vertices(posed_skin(body, transforms, used))
-        parts.append(PosedPart(vertices, vertex_normals(vertices, faces), faces, clearance))
+        around = faces_around(faces, vertices.shape[1])
+        parts.append(PosedPart(vertices, faces, around, clearance))
     return PosedTrunk(tuple(parts))
 
 

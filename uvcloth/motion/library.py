@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.once import once_per_body
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.fields import check_fields, indices, names, numbers
@@ -72,13 +73,27 @@ def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEF
     Raises InputError naming the file for unreadable files, unknown joints, unknown names, a rest pose that
     cannot be determined, a frame rate outside FPS_RANGE, and a motion that no person can have made.
     """
-    source = load_source(path_or_name, body, options)
+    name, whole = str(path_or_name), replace(options, frames=DEFAULTS.frames, in_place=DEFAULTS.in_place)
+    is_kept = name in builtin_clips() and options.joints is None
+    clip = (_load_builtin if is_kept else _load_whole)(body, name, whole)
     try:
-        clip = motion_on_body(source, body, options)
-        check_posture(clip, lying=options.up is not None or _up_is_known(Path(path_or_name), source.rest))
         return wanted_part(clip, options)
     except InputError as error:
         raise InputError(f"{path_or_name}: {error}") from error
+
+
+def _load_whole(body: Body, name: str, options: MotionOptions) -> Clip:
+    """All frames of the motion of a path or name, as `load_clip` says."""
+    source = load_source(name, body, options)
+    try:
+        clip = motion_on_body(source, body, options)
+        check_posture(clip, lying=options.up is not None or _up_is_known(Path(name), source.rest))
+        return clip
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error
+
+
+_load_builtin = once_per_body(_load_whole)
 
 
 def _up_is_known(path: Path, rest: Rest) -> bool:
