@@ -5,14 +5,13 @@ Run from the checkout with PYTHONPATH=. as
     python benchmarks/engines.py [--garments dress] [--clips 26_01] [--slow-frames 20] [--resolutions]
 
 on one thread; UVCLOTH_MOCAP names the folder of index_v2.csv and its clips. Per garment it simulates the
-beginning of each window with the explicit engine as it makes data, with a tenth more substeps (what is chance
-in a simulation), and on another mesh of the garment (what the mesh decides); then fewer frames with the slow
-ones: the explicit engine with eight times the substeps, which stands for the converged solution, Newton as
-`--engine newton` and with more and longer substeps, and Blender where UVCLOTH_BLENDER_PYTHON names it. It
-prints over the frames after the warm-up the milliseconds of one frame, beside them what the explicit engine
-takes in the same frames, the shares of the vertices inside the body and of the edges that run through the
-cloth, the edges in a frame that are over twice their length, and the mean distances from the explicit
-engine's vertices and from the converged ones.
+beginning of each window with the explicit engine as it makes data, with a tenth more substeps (what is
+chance in a simulation), and on another mesh of the garment (what the mesh decides); then fewer frames with
+the slow ones: the explicit engine with eight times the substeps, which stands for the converged solution,
+and Blender where UVCLOTH_BLENDER_PYTHON names it. It prints over the frames after the warm-up the
+milliseconds of one frame, beside them what the explicit engine takes in the same frames, the shares of the
+vertices inside the body and of the edges that run through the cloth, the edges in a frame that are over
+twice their length, and the mean distances from the explicit engine's vertices and from the converged ones.
 
 Milliseconds are the thread's own processor time, which a virtual machine that is held up from outside counts
 too: they are given as the fastest tenth of the frames takes at most, and the median. The machine's load is
@@ -55,7 +54,6 @@ from uvcloth.process.command import run_command
 from uvcloth.simulate.blender import PYTHON_VARIABLE, find_blender
 from uvcloth.simulate.engine import Engine, Frame, Scene
 from uvcloth.simulate.explicit import Explicit
-from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.remeshed import Remeshed
 from uvcloth.simulate.run import run_up, simulate
@@ -235,11 +233,7 @@ def _engines(
 def _settings(frames: int, slow_frames: int) -> dict[str, tuple[Engine, int]]:
     """Engines by name, and the frames that each simulates."""
     fast: tuple[Engine, ...] = (Explicit(), Explicit().with_more_substeps(0.1), Remeshed(Explicit()))
-    slow: dict[str, Engine] = {
-        CONVERGED: Explicit().with_more_substeps(7.0),
-        "newton, 20 x 3": Newton(),
-        "newton, 40 x 5": Newton(substeps=40, iterations=5),
-    }
+    slow: dict[str, Engine] = {CONVERGED: Explicit().with_more_substeps(7.0)}
     if PYTHON_VARIABLE in os.environ:
         slow[BLENDER] = find_blender()
     return {name: (engine, frames) for name, engine in zip(FAST, fast, strict=True)} | {

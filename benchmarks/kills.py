@@ -48,7 +48,7 @@ MODULES = {
         *("pxr.Usd", "pxr.UsdGeom", "pxr.UsdSkel", "alembic3d", "imath", "av"),
         "uvcloth.commands.animate",
     ),
-    "simulate": ("newton", "dask.distributed"),
+    "simulate": ("dask.distributed",),
     "poses": ("uvcloth.motion.draw_poses", "uvcloth.motion.recombine", "uvcloth.physics.self_contact"),
     "outfits": ("uvcloth.commands.make_outfits",),
     "export": ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdSkel", "onnx", "uvcloth.commands.export_rig"),

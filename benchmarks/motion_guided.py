@@ -5,7 +5,7 @@ Run from the checkout with PYTHONPATH=. as
     python benchmarks/motion_guided.py [--preset fast|paper] [--vertices 18000]
 
 The weights are untrained and displace nothing: times do not depend on them. The plain twin builds a channel
-per seed and axis, as published (benchmarks/descriptor.py looks at that convolution alone). The engine
+per seed and axis, as published. The engine
 simulates the same garment over the same clip. Every figure is per frame: milliseconds, and how many times the
 method's whole frame (network, clearing and writing) it takes.
 """
@@ -37,7 +37,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import rollout
-from uvcloth.simulate.newton import Newton
+from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.run import simulate
 from uvcloth.wardrobe.tailor import tailor
 
@@ -137,7 +137,7 @@ def main(options: Options) -> None:
         rows.append(("plain twin's network", twin))
     if options.engine:
         parts = LeadIn(rest=1, blend=8, ramp=4)
-        made = simulate(clip.window(0, 10), 0, (join(garment, body),), body, Newton(), parts)
+        made = simulate(clip.window(0, 10), 0, (join(garment, body),), body, Explicit(), parts)
         rows.append(("cloth engine", 1e3 * made.metadata["wall_seconds"] / len(made.transforms)))
     for name, spent in rows:
         table.add_row(name, f"{spent:.1f}", f"{spent / whole:.2f}")

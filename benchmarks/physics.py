@@ -42,16 +42,13 @@ from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.process.command import run_command
 from uvcloth.simulate.blender import find_blender
 from uvcloth.simulate.explicit import Explicit
-from uvcloth.simulate.newton import Newton
 
 SETTINGS: dict[str, Callable[[], Any]] = {
     "explicit": Explicit,
     "explicit, twice the substeps": lambda: Explicit(more_substeps=2.0),
-    "newton 20 x 3": Newton,
-    "newton 40 x 5": lambda: Newton(substeps=40, iterations=5),
     "blender": find_blender,
 }
-"""The first makes data. Newton's are substeps a frame times iterations; the second is near convergence."""
+"""The first makes data."""
 
 SKIRT_SETTINGS: dict[str, Callable[[], Any]] = {
     "explicit, no self-contact": lambda: Explicit(settings=Settings(self_contact=False)),

@@ -41,7 +41,6 @@ TESTS = (
     "tests/garments/test_loading.py",
     "tests/bodies/test_body.py",
     "tests/physics/test_judged.py",
-    "tests/simulate/test_newton.py",
     "tests/methods/physxnet",
     "tests/train/test_resume.py",
     "tests/export/test_usd.py",
@@ -54,7 +53,7 @@ TESTS = (
 )
 """Tests that between them call every library; `--tests tests` runs all."""
 
-SHOWN = ("torch", "numpy", "scipy", "warp-lang", "newton", "usd-core")
+SHOWN = ("torch", "numpy", "scipy", "warp-lang", "usd-core")
 
 
 @dataclass(frozen=True)

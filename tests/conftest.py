@@ -46,28 +46,14 @@ LONG = (
 )
 """Files that take longest: they come first, or one process would run the last of them while others wait."""
 
-LATE = "tests/test_types.py"
-"""The file that has less to do once the linter, which runs beside the tests, has left its cache."""
-
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what is marked as thorough without --thorough; put the tests of LONG first, of LATE last."""
+    """Leave out what is marked as thorough without --thorough; put the tests of LONG first."""
     if not config.getoption("thorough"):
         left_out = [item for item in items if item.get_closest_marker("thorough")]
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if item not in left_out]
-    items.sort(key=lambda item: (item.nodeid.startswith(LATE), not item.nodeid.startswith(LONG)))
-
-
-THOROUGH = ("tests/simulate/test_newton.py", "tests/simulate/newton_patches", "tests/kills")
-"""Tests that import Newton, eight seconds of every process, and tests that kill commands for a minute."""
-
-
-def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave THOROUGH out without --thorough."""
-    if config.getoption("thorough"):
-        return None
-    return str(collection_path).endswith(THOROUGH) or None
+    items.sort(key=lambda item: not item.nodeid.startswith(LONG))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

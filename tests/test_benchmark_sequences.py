@@ -32,6 +32,7 @@ def sequence() -> SimulatedClip:
     return load_packed(FOLDER / "26_01_bottoms.npz", PackedFolder(FOLDER))
 
 
+@pytest.mark.thorough
 def test_a_sequence_is_cloth_on_a_body(sequence: SimulatedClip) -> None:
     """One garment's: a file that does not unpack to what was packed is refused, with any LAPACK."""
     garment = load_garment("bottoms", load_body())
@@ -45,6 +46,7 @@ def test_a_sequence_is_cloth_on_a_body(sequence: SimulatedClip) -> None:
     assert float(edge_change(sequence.vertices[scored], simulated.rest, simulated.faces).mean()) < 1.5e-3
 
 
+@pytest.mark.thorough
 def test_real_cloth_is_packed_within_the_error(tmp_path: Path) -> None:
     """Of a made outfit, which has half the vertices of a template: a spectrum takes an eighth of the time."""
     folder, path = BENCHMARKS / "outfits", tmp_path / "data" / "12_01_o0019_tshirt.npz"
@@ -86,6 +88,7 @@ def test_the_bodies_of_the_plan_are_there() -> None:
         assert load_body(BENCHMARKS / body).name == Path(body).stem
 
 
+@pytest.mark.thorough
 def test_made_outfits_lie_beside_them() -> None:
     """Each on the body that its sequence names, over a clip of its own split."""
     folder = BENCHMARKS / "outfits"

@@ -18,7 +18,7 @@ from uvcloth.errors import InputError
 from uvcloth.methods.registry import METHODS
 from uvcloth.motion.library import load_clip
 
-HEAVY = ("torch", "warp", "newton", "lightning_fabric", "scipy", "trimesh", "pxr", "kornia", "anny")
+HEAVY = ("torch", "warp", "lightning_fabric", "scipy", "trimesh", "pxr", "kornia", "anny")
 
 
 @pytest.fixture

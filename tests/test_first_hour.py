@@ -33,7 +33,7 @@ FREE = ("role ", "...", "CMU names", "joints without a role", "skin will show", 
 """Beginnings of lines that the page shortens, or that depend on the file."""
 
 
-FRAMES = 20
+FRAMES = 8
 """Of each motion: what the commands print on the way does not depend on the length."""
 
 

@@ -31,7 +31,7 @@ print(modules, rollout is uvcloth.rollout, writer.__name__, prepare_rollout.__mo
 import uvcloth.api, uvcloth.ready, uvcloth.garments.templates
 import uvcloth.simulate.batch, uvcloth.simulate.run, uvcloth.commands.animate
 import uvcloth.wardrobe.sew, evaluate.judge, evaluate.report
-brought("warp", "newton")
+brought("warp")
 """
 """Imports more and more, since to begin takes longest, and prints a line for each test."""
 
@@ -56,6 +56,6 @@ def test_the_functions_keep_their_names_whatever_is_imported_first(lines: list[s
     assert lines[2] == f"{['uvcloth.api'] * 3} True uvcloth.export.writer uvcloth.rollout"
 
 
-def test_warp_is_loaded_by_training_and_newton_alone(lines: list[str]) -> None:
+def test_warp_is_loaded_by_training_alone(lines: list[str]) -> None:
     """It takes a second to start, which nobody who dresses or simulates a motion should wait for."""
     assert lines[3] == "[]"

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from tests.motion.bvh_text import bvh_text, performer
 from tests.test_rollout import FPS, Recorder, falling, outfit
+from tests.thorough import always
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.stream import BATCH, posed_batches
 from uvcloth.commands.summary import Totals
@@ -45,10 +46,7 @@ def dressed(*garments: str) -> Outfit:
 
 @pytest.mark.parametrize(
     "name",
-    [
-        *("lbs_smooth", "physxnet", "motion_guided"),
-        *(pytest.param(name, marks=pytest.mark.thorough) for name in ("pbns", "deepsd")),
-    ],
+    always(["lbs_smooth", "motion_guided"], ["lbs_smooth", "physxnet", "motion_guided", "pbns", "deepsd"]),
 )
 def test_garments_are_the_same_ten_kilometres_away(name: str) -> None:
     """To 0.1 mm is asked; every method that ships, over two changes of the origin, also when cleared."""

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from benchmarks.resumed import read_outcomes
 
 TESTS = """
@@ -51,6 +53,7 @@ def run(folder: Path, killed: str) -> tuple[dict[str, str], str]:
     return {name.partition("::")[2]: row["outcome"] for name, row in rows.items()}, done.stdout
 
 
+@pytest.mark.thorough
 def test_tests_that_have_an_outcome_are_not_run_again(tmp_path: Path) -> None:
     (tmp_path / "test_few.py").write_text(TESTS)
     outcomes, _ = run(tmp_path, killed="yes")

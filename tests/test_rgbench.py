@@ -23,6 +23,8 @@ from uvcloth.physics.fabric import Fabric
 BEGIN = 1.7529e9
 """Seconds since the epoch at which the recordings begin."""
 
+pytestmark = pytest.mark.thorough
+
 PLACE = np.array([0.1, 0.0, 0.01])
 SIZE = 0.2
 FABRIC = {"stretch": 2e4, "bending": 3e4, "density": 200.0, "friction": 0.3, "damping": 0.1, "poisson": 0.2}

@@ -35,6 +35,7 @@ TRUE_TYPES = (
 )
 
 
+@pytest.mark.thorough
 def test_a_type_checker_sees_the_types(tmp_path: Path) -> None:
     """With the settings of `make lint`, whose cache is used where there is one.
 

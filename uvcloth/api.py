@@ -273,14 +273,14 @@ def simulate(
     garments: Garments,
     *,
     fabric: FabricName | Fabric | None = None,
-    engine: Literal["explicit", "newton", "blender"] = "explicit",
+    engine: Literal["explicit", "blender"] = "explicit",
     progress: Callable[[int], None] = lambda frames: None,
 ) -> Animation:
     """Simulate garments over a motion with a cloth engine, together, the innermost first.
 
     motion, garments: as `rollout` has them. The body first moves from rest into the motion's first frame.
-    fabric: of all garments, None for their own. engine: the project's solver, Newton's VBD, or Blender's
-    cloth. progress: is told the number of frames that are made, those of the lead-in included.
+    fabric: of all garments, None for their own. engine: the project's solver, or Blender's cloth. progress:
+    is told the number of frames that are made, those of the lead-in included.
 
     Returns the frames of the motion, as `rollout` does. What the quality check of `uvcloth simulate` would
     refuse is logged as a warning.

@@ -30,7 +30,7 @@ def asymmetry(vertices: Tensor) -> float:
 @pytest.mark.parametrize(
     ("family", "template", "most"),
     [
-        ("vroid", "bottoms", 0.04),
+        pytest.param("vroid", "bottoms", 0.04, marks=pytest.mark.thorough),
         ("doll", "shirt", 0.03),
         pytest.param("smpl", "tops", 0.03, marks=pytest.mark.thorough),
         pytest.param("vroid_a", "shirt", 0.04, marks=pytest.mark.thorough),

@@ -1,9 +1,12 @@
 """The part of a body near a garment is one closed surface that has all of the skin nearby, and moves."""
 
+from itertools import product
+
 import pytest
 import torch
 import trimesh
 
+from tests.thorough import always
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import collider_near
@@ -13,8 +16,12 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.physics.surface import BodySurface
 
 
-@pytest.mark.parametrize("reach", [0.02, 0.2])
-@pytest.mark.parametrize("name", ["tops", "bottoms", "dress"])
+@pytest.mark.parametrize(
+    ("name", "reach"),
+    always(
+        [("tops", 0.2), ("bottoms", 0.02), ("dress", 0.2)], product(["tops", "bottoms", "dress"], [0.02, 0.2])
+    ),
+)
 def test_it_is_closed_in_every_pose_and_contains_what_is_near(name: str, reach: float, body: Body) -> None:
     points = fit_template(name, body).mesh.vertices
     kept, collider = collider_near(body, points, reach)

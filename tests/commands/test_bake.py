@@ -162,8 +162,8 @@ def test_garments_of_a_character_lie_on_it(hero: Path) -> None:
 @pytest.mark.parametrize(
     ("who", "motion"),
     [
-        ("own", None),
         ("hero", "kick"),
+        pytest.param("own", None, marks=pytest.mark.thorough),
         pytest.param("own", "kick", marks=pytest.mark.thorough),
         pytest.param("hero", None, marks=pytest.mark.thorough),
     ],

@@ -70,6 +70,7 @@ def commands(monkeypatch, body):
     return known
 
 
+@pytest.mark.thorough
 def test_all_methods_are_drawn_below_the_simulation_at_the_same_moments(
     tmp_path, monkeypatch, capsys, commands
 ):
@@ -96,6 +97,7 @@ def test_all_methods_are_drawn_below_the_simulation_at_the_same_moments(
             assert ways.count((outfit.motion, outfit.garments, (model,), finish)) == 1
 
 
+@pytest.mark.thorough
 def test_everything_moves_over_a_motion_that_stops_at_the_moment_that_is_called_so(
     tmp_path, monkeypatch, commands, body
 ):

@@ -77,7 +77,8 @@ def told(strength: dict[str, float], pairs: int, people: int) -> list[Answer]:
     return answers
 
 
-def test_the_ranking_finds_the_strengths_that_made_the_answers() -> None:
+def test_the_ranking_finds_the_strengths_that_made_the_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evaluate.blind_ranking.RESAMPLES", 60)
     true = {"simulation": 1.5, "physics": 0.5, "jolt": -0.5, "lbs": -1.5}
     ranked = rank(told(true, 1000, 10))
     assert [each.method for each in ranked] == list(true)

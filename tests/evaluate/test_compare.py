@@ -399,6 +399,7 @@ def test_a_method_is_judged_on_what_it_dresses(world: Path, shared: Path) -> Non
     assert "simulation, lbs, for_one;" in drawn[1].caption
 
 
+@pytest.mark.thorough
 def test_the_frame_rate_is_that_of_most_windows(world: Path, tmp_path: Path) -> None:
     last = world / "12_01_dress.npz"
     save_simulated(replace(load_simulated(last), fps=60.0), last)
@@ -508,6 +509,7 @@ def test_a_garment_from_a_file_is_judged_where_it_is_named(world: Path, skirt: s
         run(world, shared, files=(skirt,))
 
 
+@pytest.mark.thorough
 def test_a_changed_file_is_judged_again(
     world: Path, skirt: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -70,6 +70,7 @@ def written(animation: Animation, folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
+@pytest.mark.thorough
 def test_files_are_written_alike(
     animation: Animation, usual: dict[str, bytes], foreign: str, tmp_path: Path
 ) -> None:

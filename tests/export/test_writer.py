@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.thorough import always
 from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation, load_animation
 from uvcloth.export.writer import WRITERS, FrameWriter, open_writer
@@ -33,7 +34,7 @@ def test_unsupported_format_is_refused_before_any_work(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", always([".glb", ".obj", ".usdc"], WRITERS))
 def test_only_the_finished_files_are_left(animation: Animation, tmp_path: Path, suffix: str) -> None:
     writer = write(animation, tmp_path / f"walk{suffix}")
     assert writer.written

@@ -141,11 +141,6 @@ def test_a_refusal_imports_nothing_heavy() -> None:
     [
         ("dask", ("simulate", "walk", "--out", "x"), "simulating needs dask: install uvcloth[simulate]"),
         ("dask", ("demo", "--out", "x"), "simulating needs dask: install uvcloth[simulate]"),
-        (
-            "newton",
-            ("simulate", "walk", "--out", "x", "--engine", "newton"),
-            "--engine newton needs Newton: install uvcloth[simulate]",
-        ),
         ("anny", ("body", "--out", "x.npz", "--age", "1"), "making a body needs Anny: install uvcloth[body]"),
         (
             "anny",

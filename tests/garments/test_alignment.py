@@ -59,6 +59,7 @@ def test_what_cannot_be_is_refused(known: Known, reason: str, body: Body) -> Non
         place_on_body(Path("it.obj"), fit_template("tops", body).mesh, body, Fitting(known=known))
 
 
+@pytest.mark.thorough
 def test_a_mesh_that_is_no_body_is_named(body: Body, tmp_path: Path) -> None:
     mesh = fit_template("bottoms", body).mesh
     save_obj(mesh, tmp_path / "trousers.obj")

@@ -16,9 +16,10 @@ LIMIT = 500
 """Seconds; a machine may be busy."""
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="forks, and looks for processes in /proc")
 def test_a_killed_command_is_made_good_by_the_same_command(tmp_path: Path) -> None:
-    for module in ("newton", "distributed", "lightning_fabric"):
+    for module in ("distributed", "lightning_fabric"):
         if find_spec(module) is None:
             pytest.skip(f"{module} is not installed")
     words = ["benchmarks/kills.py", "--times", "1", "--only", *COMMANDS]

@@ -7,6 +7,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from tests.thorough import always
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.skeleton import local_rotations, world_rotations
 from uvcloth.motion.bvh import read_bvh
@@ -73,14 +74,17 @@ def test_a_person_who_stands_and_a_joint_that_the_capture_lacks_do_not_count(wal
 
 @pytest.mark.parametrize(
     ("clip", "joint", "frame"),
-    [
-        ("03_02", "RightArm", 13),
-        ("88_01", "LeftFoot", 19),
-        ("90_02", "LeftFoot", 100),
-        ("90_08", "RightFoot", 57),
-        ("90_11", "RightFoot", 2),
-        ("135_x06", "LeftArm", 449),
-    ],
+    always(
+        [("03_02", "RightArm", 13), ("90_11", "RightFoot", 2)],
+        [
+            ("03_02", "RightArm", 13),
+            ("88_01", "LeftFoot", 19),
+            ("90_02", "LeftFoot", 100),
+            ("90_08", "RightFoot", 57),
+            ("90_11", "RightFoot", 2),
+            ("135_x06", "LeftArm", 449),
+        ],
+    ),
 )
 def test_it_is_the_capture_that_jumps_and_not_the_retargeting(
     mocap_folder: Path, body: Body, clip: str, joint: str, frame: int

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from tests.motion.bvh_text import Joint, bvh_text, performer, still
+from tests.thorough import always
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import smallest_rotation
@@ -22,7 +23,7 @@ MOCAP = Path(os.environ.get("UVCLOTH_MOCAP", Path(__file__).parents[3] / "shared
 CAPTURES = sorted((MOCAP / "cmu").glob("*.bvh"))
 every_capture = pytest.mark.parametrize(
     "path",
-    CAPTURES
+    always(CAPTURES[::5], CAPTURES)
     or [pytest.param(None, marks=pytest.mark.skip(reason=f"no captures in {MOCAP} (UVCLOTH_MOCAP)"))],
     ids=lambda path: path.stem if path else "absent",
 )

@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from tests.thorough import always
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Outfit as WornOutfit
 from uvcloth.methods.physics.method import Physics
@@ -147,14 +149,19 @@ def test_frames_may_be_short_and_long(dressed: Cloth, twirl: Joints) -> None:
         dressed.step(away, 1e-9)
 
 
-@pytest.mark.parametrize("frame", [0, 1, 12])
+JUMPS = ((0.0, (0.5, 0.0, 0.0)), (90.0, (100.0, 0.0, 5.0)), (-90.0, (0.0, 0.0, 0.0)))
+"""Degrees of a turn and metres of a shift."""
+
+
 @pytest.mark.parametrize(
-    ("degrees", "shift"), [(0.0, (0.5, 0.0, 0.0)), (90.0, (100.0, 0.0, 5.0)), (-90.0, (0.0, 0.0, 0.0))]
+    ("frame", "jump"),
+    always([(0, JUMPS[0]), (1, JUMPS[2]), (12, JUMPS[1])], product([0, 1, 12], JUMPS)),
 )
 def test_cloth_comes_along_where_the_body_jumps(
-    outfit: Outfit, twirl: Joints, frame: int, degrees: float, shift: tuple[float, float, float]
+    outfit: Outfit, twirl: Joints, frame: int, jump: tuple[float, tuple[float, float, float]]
 ) -> None:
     """The body is elsewhere from a frame on; the cloth on it is as if it had been there before."""
+    degrees, shift = jump
     jumping = np.concatenate([twirl[:frame], placed(twirl[frame:], degrees, shift)])
     expected, frames = played(outfit, twirl), played(outfit, jumping)
     np.testing.assert_array_equal(frames[:frame], expected[:frame])

@@ -47,6 +47,7 @@ def lines(folder: Path) -> list[str]:
     return done.stdout.splitlines()
 
 
+@pytest.mark.thorough
 def test_the_program_of_the_page_runs_without_the_rest_of_the_project(folder: Path, lines: list[str]) -> None:
     numbers = re.fullmatch(r"(\d+) texels, 100% see the shell, which is found to (\S+) mm", lines[0])
     assert numbers, lines
@@ -55,6 +56,7 @@ def test_the_program_of_the_page_runs_without_the_rest_of_the_project(folder: Pa
     assert sorted(read_channels(folder / "offset.exr")) == ["offset.X", "offset.Y", "offset.Z"]
 
 
+@pytest.mark.thorough
 def test_warp_starts_where_there_is_no_home(folder: Path, lines: list[str]) -> None:
     """Its cache of kernels then is a folder of this user's alone."""
     (cache,) = folder.glob("warp-cache*")

@@ -17,6 +17,8 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.motion.index import read_index
 from uvcloth.simulate import batch
 from uvcloth.simulate import plan as planning
+from uvcloth.simulate.blender import Blender
+from uvcloth.simulate.engines import ENGINES
 from uvcloth.simulate.plan import Job
 from uvcloth.simulate.plan_file import PLAN, read_plan
 from uvcloth.simulate.planned import simulate_plan
@@ -241,14 +243,15 @@ def test_what_a_row_names_has_to_be_there_before_anything_is_simulated(
 
 
 def test_members_have_folders_of_their_own_and_need_the_explicit_engine(
-    plan: Path, made: list[Job], tmp_path: Path
+    plan: Path, made: list[Job], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
+    monkeypatch.setitem(ENGINES, "blender", lambda: Blender("python", "4.5.15"))
     plan.write_text(HEADER + WALK.replace("tops,,,", "tops,,1,") + WALK)
     with pytest.raises(
-        InputError, match=r"plan\.csv: row 2: ensemble members need the explicit engine, newton"
+        InputError, match=r"plan\.csv: row 2: ensemble members need the explicit engine, blender"
     ):
-        simulate_plan(plan, out, engine="newton")
+        simulate_plan(plan, out, engine="blender")
     simulate_plan(plan, out)
     assert _files(made, out) == ["walk_tops.npz", "members/1/walk_tops.npz"]
     assert [job.member for job in made] == [0, 1]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from tests.thorough import always
 from tests.train.simulated import save_clips
 from train.loop import fit, rows_of_step
 from train.physxnet.objective import PhysXNetObjective
@@ -51,9 +52,7 @@ class Interrupted(PhysXNetObjective):
                 signal.raise_signal(signal.SIGINT)
 
 
-@pytest.mark.parametrize(
-    "variant", ["default", "adversarial", pytest.param("no memory", marks=pytest.mark.thorough)]
-)
+@pytest.mark.parametrize("variant", always(["adversarial"], ["default", "adversarial", "no memory"]))
 def test_resuming_gives_the_weights_of_an_uninterrupted_run(variant: str, data: Path, tmp_path: Path) -> None:
     network, losses = VARIANTS[variant]
 

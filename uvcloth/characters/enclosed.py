@@ -10,7 +10,7 @@ from torch import Tensor
 
 from rasterize.raycast import cast_rays
 from uvcloth.characters.shape import SkinnedSurface
-from uvcloth.geometry.mesh import face_normals
+from uvcloth.geometry.mesh import unit_face_normals
 from uvcloth.lighting import sphere
 
 FEW, MANY = 24, 96
@@ -28,7 +28,7 @@ def without_enclosed(surface: SkinnedSurface) -> SkinnedSurface:
 
     Vertices stay.
     """
-    normals = torch.nn.functional.normalize(face_normals(surface.vertices, surface.faces), dim=1)
+    normals = unit_face_normals(surface.vertices, surface.faces)
     origins = surface.vertices[surface.faces].mean(1) + JUST_ABOVE * normals
     doubtful = torch.nonzero(_leaving(surface, origins, FEW) == 0).squeeze(1)
     open_faces = torch.ones(len(surface.faces), dtype=torch.bool)

@@ -17,7 +17,7 @@ from torch import Tensor
 from rasterize.gather import gather
 from rasterize.raycast import closest_points
 from uvcloth.characters.shape import SkinnedSurface
-from uvcloth.geometry.mesh import face_normals, laplacian, neighbour_average, vertex_normals
+from uvcloth.geometry.mesh import laplacian, neighbour_average, unit_face_normals, vertex_normals
 
 Array = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ def match(surface: SkinnedSurface, target: SkinnedSurface, limbs: Tensor, reach:
     """
     count = len(surface.vertices)
     normals = vertex_normals(surface.vertices, surface.faces)
-    facing = torch.nn.functional.normalize(face_normals(target.vertices, target.faces), dim=1)
+    facing = unit_face_normals(target.vertices, target.faces)
     own_limb = _by_limb(surface.weights, limbs).argmax(1)
     face_limbs = _by_limb(target.weights, limbs)[target.faces].mean(1)
     hit = torch.zeros(count, dtype=torch.bool)

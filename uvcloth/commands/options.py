@@ -29,7 +29,6 @@ EXTRAS = (
 """Packages that formats of animations need."""
 
 DASK = Package("dask", "simulating needs dask: install uvcloth[simulate]")
-NEWTON = Package("newton", "--engine newton needs Newton: install uvcloth[simulate]")
 ANNY = Package("anny", "making a body needs Anny: install uvcloth[body]")
 REMESHER = Package("pyacvd", "tailoring needs the remesher: install uvcloth[body]")
 ONNX = Package("onnx", "an export without --motion needs the package onnx: install uvcloth[export]")

@@ -11,7 +11,6 @@ from uvcloth.commands.options import (
     DASK,
     FABRIC_NAMES,
     FOLDER,
-    NEWTON,
     BodyFile,
     Garments,
     Jobs,
@@ -22,7 +21,7 @@ from uvcloth.files.options import AtLeast, NewFolder, Text
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.fabric import FabricName
 
-EngineName = Literal["explicit", "newton", "blender"]
+EngineName = Literal["explicit", "blender"]
 
 RUNNING = ("out", "clips_from", "engine", "fabric", "jobs", "scheduler")
 """Options of every simulation."""
@@ -76,8 +75,8 @@ class Simulate:
     engine: Annotated[
         EngineName,
         arg(
-            help="Cloth solver: the project's explicit one, Newton's VBD, or Blender's, of the installation "
-            "that UVCLOTH_BLENDER_PYTHON names."
+            help="Cloth solver: the project's explicit one, or Blender's, of the installation that "
+            "UVCLOTH_BLENDER_PYTHON names."
         ),
     ] = "explicit"
     fabric: Annotated[
@@ -143,8 +142,6 @@ class Simulate:
     def _simulate(self) -> None:
         """Simulate a plan, outfits, or garments over clips."""
         DASK.require()
-        if self.engine == "newton":
-            NEWTON.require()
         from uvcloth.bodies.body import load_body
         from uvcloth.simulate.batch import simulate_batch
         from uvcloth.simulate.outfits import simulate_outfits

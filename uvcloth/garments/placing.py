@@ -9,7 +9,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
-from uvcloth.geometry.mesh import face_normals
+from uvcloth.geometry.mesh import unit_face_normals
 from uvcloth.geometry.units import UNITS
 from uvcloth.physics.exposure import spread
 from uvcloth.physics.surface import BodySurface, SurfacePoints
@@ -112,7 +112,7 @@ class ClothSample:
     def of(cls, vertices: Tensor, faces: Tensor, count: int) -> "ClothSample":
         """Sample `count` points of a mesh (N, 3), (F, 3)."""
         sample = spread(vertices, faces, count)
-        normals = torch.nn.functional.normalize(face_normals(vertices, sample.corners), dim=1)
+        normals = unit_face_normals(vertices, sample.corners)
         return cls(sample.points(vertices), normals)
 
 

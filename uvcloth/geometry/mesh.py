@@ -59,6 +59,11 @@ def face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
     return torch.linalg.cross(b - a, c - a)
 
 
+def unit_face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
+    """Unit normals: vertices (..., V, 3), faces (F, 3) -> (..., F, 3)."""
+    return torch.nn.functional.normalize(face_normals(vertices, faces), dim=-1)
+
+
 def flat_faces(vertices: Tensor, faces: Tensor) -> Tensor:
     """Mask (F,) of the faces of vertices (V, 3) m that have no area, which no engine can simulate."""
     return face_normals(vertices, faces).norm(dim=1) < 2.0 * LEAST_AREA

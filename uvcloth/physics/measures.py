@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from uvcloth.geometry.mesh import edge_lengths, face_normals, face_pairs, hinges, unique_edges
+from uvcloth.geometry.mesh import edge_lengths, face_pairs, hinges, unique_edges, unit_face_normals
 
 
 def edge_change(vertices: Tensor, rest: Tensor, faces: Tensor) -> Tensor:
@@ -55,7 +55,7 @@ def normal_differences(vertices: Tensor, faces: Tensor, pairs: Tensor) -> Tensor
 
     faces: (F, 3). pairs: (P, 2) of them. It is 2 (1 - cos) of the angle between the normals.
     """
-    normals = torch.nn.functional.normalize(face_normals(vertices, faces), dim=-1)
+    normals = unit_face_normals(vertices, faces)
     return (normals[..., pairs[:, 0], :] - normals[..., pairs[:, 1], :]).square().sum(-1)
 
 

@@ -7,19 +7,7 @@ from uvcloth.simulate.blender import find_blender
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.explicit import Explicit
 
-
-def _newton() -> Engine:
-    # Imported here: Warp, which it runs on, takes a second to start.
-    from uvcloth.simulate.newton import Newton
-
-    return Newton()
-
-
-ENGINES: dict[str, Callable[[], Engine]] = {
-    "explicit": Explicit,
-    "newton": _newton,
-    "blender": find_blender,
-}
+ENGINES: dict[str, Callable[[], Engine]] = {"explicit": Explicit, "blender": find_blender}
 """Functions that make each; they raise InputError if the engine is not installed."""
 
 

@@ -15,9 +15,7 @@ def engine(request: pytest.FixtureRequest) -> Engine:
     """Every engine in turn; a test says by `@cannot(...)` what one of them cannot do, and why."""
     if request.param != "explicit":
         request.getfixturevalue("engines_of_others")
-    if request.param == "newton":
-        pytest.importorskip("newton", reason="the `simulate` extra is not installed")
-    elif request.param == "blender" and not os.environ.get(PYTHON_VARIABLE):
+    if request.param == "blender" and not os.environ.get(PYTHON_VARIABLE):
         pytest.skip(f"needs {PYTHON_VARIABLE}, a Python that has the package bpy")
     for mark in request.node.iter_markers("cannot"):
         if mark.args[0] == request.param:

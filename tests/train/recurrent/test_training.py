@@ -74,6 +74,7 @@ def test_runs_that_are_there_are_kept(data: Path) -> None:
     assert [path.stat().st_mtime_ns for path in (first, held_out)] == times
 
 
+@pytest.mark.thorough
 def test_a_run_on_another_body_has_the_points_of_the_default_one(body: Body) -> None:
     """They hang below its own skinned garment by as much, a tenth more on a body a tenth larger."""
     reference = reference_cage("skirt", "fast")
