@@ -110,7 +110,7 @@ def cached(context: Any, armature: Any) -> Generator[float, None, None]:
     """
     if not bpy.data.filepath:
         raise ValueError("save the .blend first: caches are written beside it")
-    scene, garments = context.scene, live.garments_of(armature)
+    scene, garments = context.scene, list(live.garments_of(armature).values())
     first, frames, shown = scene.frame_start, scene.frame_end + 1 - scene.frame_start, scene.frame_current
     folder = Path(bpy.path.abspath(f"//{FOLDER}"))
     files: list[Pc2File] = []
