@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import bpy
 import numpy as np
+from mathutils import Quaternion
 from mathutils.bvhtree import BVHTree
 
 EXTENSION, BAKED, SKIRT, TOPS, PYTHON, FOLDER = (Path(each) for each in sys.argv[1:])
@@ -215,8 +216,7 @@ graph = bpy.context.evaluated_depsgraph_get
 posing.step(armature, scene, graph())
 said["stands"] = posing.step(armature, scene, graph())
 arm = next(bone for bone in armature.pose.bones if bone.name.lower().startswith("leftarm"))
-arm.rotation_mode = "XYZ"
-arm.rotation_euler.rotate_axis("X", 0.5)
+arm.rotation_quaternion = arm.rotation_quaternion @ Quaternion((1.0, 0.0, 0.0), 0.5)
 bpy.context.view_layer.update()
 steps = 0
 while posing.step(armature, scene, graph()):

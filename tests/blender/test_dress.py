@@ -14,8 +14,8 @@ from uvcloth.garments.templates import fit_template
 
 ROOT = Path(__file__).parents[2]
 SKIRT = ROOT / "uvcloth" / "data" / "garments" / "miniskirt.obj"
-NEAR, FAR = 0.02, 0.3
-"""Metres from the body within which some of a garment is, and beyond which none of it is."""
+NEAR, FAR = 0.03, 0.3
+"""Metres from the body within which a fifth of a garment is, also over another, and beyond which none is."""
 
 
 @pytest.fixture(scope="module")
