@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from . import live, surface
+from .errands import sentence_of
 from .pc2 import Pc2File
 from .selection import character_of
 
@@ -38,7 +39,7 @@ class WriteCache(bpy.types.Operator):
             for _ in cached(context, character_of(context)):
                 pass
         except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, sentence_of(error))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -64,7 +65,7 @@ class WriteCache(bpy.types.Operator):
         except StopIteration:
             return self._end(context, "FINISHED")
         except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, sentence_of(error))
             return self._end(context, "CANCELLED")
         context.window_manager.progress_update(share)
         return {"RUNNING_MODAL"}
