@@ -183,6 +183,7 @@ def _preview(part: Any, vertices: NDArray[np.float64]) -> Any:
     preview.color = PREVIEW_COLOR
     for collection in part.users_collection:
         collection.objects.link(preview)
+    preview.select_set(False)
     return preview
 
 

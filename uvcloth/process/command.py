@@ -60,7 +60,7 @@ def run_command(program: str, command: Callable[[], None]) -> int:
 
 
 def refusal(error: OSError) -> str:
-    """What a full disk, or a system that refuses, says in one sentence. Raises any other error again."""
+    """Say in one sentence that a disk is full, or that the system refuses. Raises any other error again."""
     if error.errno not in REFUSED_BY_THE_SYSTEM:
         raise error
     place = f"{error.filename}: " if error.filename else ""
