@@ -1,10 +1,13 @@
 """Build the extension: `python blender/build.py OUT` writes a zip that Blender installs, for this system.
 
-`--platforms` names others, as runtime/wheels.py does, which compiles for them by ziglang. The zip has the
-extension, its licence, and the wheel of uvcloth-core, unmodified.
+`--platforms` names others, as runtime/wheels.py does, which compiles for them by ziglang; `all` is all of
+them. A zip has the extension, its licence, and the wheel of uvcloth-core, unmodified. Beside the zips comes
+index.json: the folder, put on any web server, is a repository that Blender can be subscribed to.
 """
 
 import argparse
+import hashlib
+import json
 import re
 import shutil
 import sys
@@ -19,9 +22,12 @@ HERE = Path(__file__).resolve().parent
 ROOT, EXTENSION = HERE.parent, HERE / "extension"
 sys.path.insert(0, str(ROOT / "runtime"))
 
-from wheels import CORE, build_wheel, copy_core, copy_sources  # noqa: E402
+from wheels import CORE, TARGETS, build_wheel, copy_core, copy_sources  # noqa: E402
 
-MANIFEST = "blender_manifest.toml"
+MANIFEST, INDEX = "blender_manifest.toml", "index.json"
+
+ONLY_INSIDE = ("wheels", "build")
+"""Entries of a manifest that an index leaves out."""
 
 PLATFORMS = {
     "linux_x86_64": "linux-x64",
@@ -102,13 +108,40 @@ def build_extension(target: Path, wheel: Path) -> Path:
     return path
 
 
+def write_index(folder: Path) -> Path:
+    """List the extensions of a folder in its index, as Blender reads it; returns the path.
+
+    Raises ValueError for a zip of another extension.
+    """
+    entries = []
+    for path in sorted(folder.glob("*.zip")):
+        content = path.read_bytes()
+        with zipfile.ZipFile(path) as archive:
+            if MANIFEST not in archive.namelist():
+                raise ValueError(f"{path}: has no {MANIFEST}, so {folder} can be no repository")
+            manifest = tomllib.loads(archive.read(MANIFEST).decode())
+        entries.append(
+            {name: value for name, value in manifest.items() if name not in ONLY_INSIDE}
+            | {
+                "archive_size": len(content),
+                "archive_hash": f"sha256:{hashlib.sha256(content).hexdigest()}",
+                "archive_url": f"./{path.name}",
+            }
+        )
+    index = folder / INDEX
+    text = json.dumps({"version": "v1", "blocklist": [], "data": entries}, indent=2)
+    index.write_text(text + "\n", encoding="utf-8")
+    return index
+
+
 def main(target: Path, platforms: Sequence[str]) -> None:
     """Build the extension for platforms, "" for this system, and say what was written."""
     target.mkdir(parents=True, exist_ok=True)
-    for platform in platforms:
+    for platform in TARGETS if list(platforms) == ["all"] else platforms:
         with tempfile.TemporaryDirectory(prefix="uvcloth-wheel-") as place:
             path = build_extension(target, compile_core(platform, Path(place)))
         print(f"{path}  {path.stat().st_size / 1e6:.2f} MB")
+    print(write_index(target))
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from uvcloth.commands.page import Page
 from uvcloth.commands.play import Play
 from uvcloth.commands.poses import Poses
 from uvcloth.commands.rollout import Rollout
+from uvcloth.commands.serve import Serve
 from uvcloth.commands.simulate import Simulate
 from uvcloth.commands.tryon import TryOn
 from uvcloth.commands.view import View
@@ -75,6 +76,7 @@ COMMANDS: dict[str, Callable[..., Command]] = {
     "poses": Poses,
     "outfits": Outfits,
     "export": Export,
+    "serve": Serve,
     "demo": Demo,
 }
 """The subcommands by name, in the order of the help text."""

@@ -3,11 +3,31 @@
 
 import bpy
 
-from . import cache, dressing, live, opening, panel, preferences, properties
+from . import (
+    cache,
+    dressing,
+    fitting,
+    laboratory,
+    live,
+    opening,
+    panel,
+    posing,
+    preferences,
+    properties,
+    wardrobe,
+)
 
 CLASSES = (
     preferences.Preferences,
     opening.OpenBaked,
+    wardrobe.PutOn,
+    wardrobe.TakeOff,
+    wardrobe.MoveGarment,
+    wardrobe.GarmentList,
+    fitting.Fit,
+    fitting.AcceptFit,
+    fitting.TakeBackFit,
+    fitting.Check,
     dressing.Dress,
     cache.WriteCache,
     cache.DropCache,
@@ -21,10 +41,13 @@ def register() -> None:
     for each in CLASSES:
         bpy.utils.register_class(each)
     live.register()
+    posing.register()
 
 
 def unregister() -> None:
     """Take all of it away."""
+    laboratory.close()
+    posing.unregister()
     live.unregister()
     for each in reversed(CLASSES):
         bpy.utils.unregister_class(each)

@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from . import live, surface
+from .errands import sentence_of
 from .pc2 import Pc2File
 from .selection import character_of
 
@@ -38,7 +39,7 @@ class WriteCache(bpy.types.Operator):
             for _ in cached(context, character_of(context)):
                 pass
         except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, sentence_of(error))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -64,7 +65,7 @@ class WriteCache(bpy.types.Operator):
         except StopIteration:
             return self._end(context, "FINISHED")
         except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, sentence_of(error))
             return self._end(context, "CANCELLED")
         context.window_manager.progress_update(share)
         return {"RUNNING_MODAL"}
@@ -110,7 +111,7 @@ def cached(context: Any, armature: Any) -> Generator[float, None, None]:
     """
     if not bpy.data.filepath:
         raise ValueError("save the .blend first: caches are written beside it")
-    scene, garments = context.scene, live.garments_of(armature)
+    scene, garments = context.scene, list(live.garments_of(armature).values())
     first, frames, shown = scene.frame_start, scene.frame_end + 1 - scene.frame_start, scene.frame_current
     folder = Path(bpy.path.abspath(f"//{FOLDER}"))
     files: list[Pc2File] = []

@@ -1,8 +1,7 @@
 """Dressing: a character and garment meshes of the scene, baked in the laboratory, go live as they are."""
 
-import tempfile
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,35 +9,16 @@ import bpy
 import numpy as np
 from uvcloth_core.baked import BakedFile, BakedGarment
 
-from . import live, opening, sending, surface
-from .laboratory import Child
-from .preferences import python_of
+from . import errands, live, opening, surface
+from .errands import Errand, LaboratoryOperator
 from .rig import match_bones
 
 FOLDER = "uvcloth_baked"
 """Folder of baked files beside the .blend."""
 
-LOOKS = 0.2
-"""Seconds from one look at the child to the next."""
 
-
-@dataclass(frozen=True)
-class Bake:
-    """A bake that runs: who is dressed, in what, the child, its files, and where the result goes.
-
-    rest: (4, 4) of the armature to the world, as it was sent.
-    """
-
-    armature: Any
-    garments: Sequence[Any]
-    rest: np.ndarray
-    child: Child
-    folder: tempfile.TemporaryDirectory
-    path: Path
-
-
-class Dress(bpy.types.Operator):
-    """Bake the selected meshes as clothes of the active armature, in the order of their names; Esc stops"""
+class Dress(LaboratoryOperator, bpy.types.Operator):
+    """Bake the garments of the active armature, and meshes that are selected with it; Esc stops"""
 
     bl_idname = "uvcloth.dress"
     bl_label = "Dress"
@@ -50,131 +30,66 @@ class Dress(bpy.types.Operator):
         default="default",
     )
 
-    _timer: Any = None
-    _bake: Bake | None = None
+    def begin(self, context: Any) -> Errand:
+        """Send the garments to be baked."""
+        if not bpy.data.filepath:
+            raise ValueError("save the .blend first: baked files are written beside it")
+        return errands.begin(context, "bake", "baked.glb", "--on-character", "--quality", self.quality)
 
-    def execute(self, context: Any) -> set[str]:
-        """Bake, and wait for it."""
-        try:
-            bake = begin(context, self.quality)
-            bake.child.wait()
-            finish(context, bake)
-        except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
-
-    def invoke(self, context: Any, _event: Any) -> set[str]:
-        """Bake beside Blender, and look at it from time to time."""
-        try:
-            self._bake = begin(context, self.quality)
-        except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self._timer = context.window_manager.event_timer_add(LOOKS, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: Any, event: Any) -> set[str]:
-        """Show what the child says, until it ends or is stopped."""
-        assert self._bake is not None
-        if event.type == "ESC":
-            self._bake.child.kill()
-            self._bake.folder.cleanup()
-            return self._end(context, "CANCELLED")
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        if not self._bake.child.is_done():
-            context.workspace.status_text_set(
-                f"uvcloth: {self._bake.child.last_line() or 'baking'} (Esc stops)"
-            )
-            return {"RUNNING_MODAL"}
-        try:
-            finish(context, self._bake)
-        except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
-            return self._end(context, "CANCELLED")
-        return self._end(context, "FINISHED")
-
-    def _end(self, context: Any, how: str) -> set[str]:
-        context.window_manager.event_timer_remove(self._timer)
-        context.workspace.status_text_set(None)
-        return {how}
-
-
-def begin(context: Any, quality: str) -> Bake:
-    """Write the files of the selection, and begin the child. Raises ValueError in a sentence."""
-    armature = context.view_layer.objects.active
-    if armature is None or armature.type != "ARMATURE":
-        raise ValueError("select garment meshes, then the armature, which has to be the active object")
-    garments = sorted(
-        (part for part in context.selected_objects if part.type == "MESH"), key=lambda p: p.name
-    )
-    if not garments:
-        raise ValueError(f"select the garment meshes too, beside {armature.name}")
-    python = python_of(context)
-    if not bpy.data.filepath:
-        raise ValueError("save the .blend first: baked files are written beside it")
-    for garment in garments:
-        surface.place_of_cloth(garment)
-        if garment.data.users > 1:
-            raise ValueError(f"the mesh of {garment.name} is used by others too: make it single-user")
-    skins = sending.skin_meshes(context, armature, garments)
-    folder = tempfile.TemporaryDirectory(prefix="uvcloth-dress-")
-    try:
-        place = Path(folder.name)
-        sending.write_character(context, armature, skins, place / "character.glb")
-        files = [place / f"garment{index:02d}.obj" for index in range(len(garments))]
-        for garment, file in zip(garments, files, strict=True):
-            sending.write_garment(garment, armature, file)
-        name = bpy.path.clean_name(f"{Path(bpy.data.filepath).stem}-{armature.name}")
-        path = Path(bpy.path.abspath(f"//{FOLDER}")) / f"{name}.glb"
-        arguments: list[str | Path] = [
-            "bake",
-            "--body",
-            place / "character.glb",
-            "--garment",
-            *files,
-            "--quality",
-            quality,
-        ]
-        child = Child(python, [*arguments, "--out", place / "baked.glb"], place / "log.txt")
-    except BaseException:
-        folder.cleanup()
-        raise
-    return Bake(armature, garments, np.array(armature.matrix_world, np.float64), child, folder, path)
-
-
-def finish(context: Any, bake: Bake) -> None:
-    """Make the garments live, from what the child wrote. Raises ValueError; they are not live then."""
-    with bake.folder as place:
-        bake.child.require_success()
-        written = Path(place) / "baked.glb"
-        baked, _ = live.open_outfit(written)
-        if len(baked.garments) != len(bake.garments):
-            raise baked.file.error(f"{len(baked.garments)} garments came of {len(bake.garments)} meshes")
-        for part, garment in zip(bake.garments, baked.garments, strict=True):
-            require_order(part, baked, garment)
+    def finish(self, context: Any, errand: Errand) -> None:
+        """Make the garments live, from what the laboratory wrote; they are not live if this raises."""
+        baked, _ = live.open_outfit(errand.result)
+        rows = baked_rows(errand, baked.garments)
+        for part, row in zip(errand.garments, rows, strict=True):
+            require_order(part, baked, baked.garments[row])
         names = opening.bone_names(baked)
-        bones = bake.armature.data.bones
+        bones = errand.armature.data.bones
         if missing := [name for name in names if name not in bones]:
-            raise ValueError(f"bone {missing[0]} of {bake.armature.name} has another name in glTF")
+            raise ValueError(f"bone {missing[0]} of {errand.armature.name} has another name in glTF")
         poses = np.array([bones[name].matrix_local for name in names], np.float64)
-        rig = match_bones(names, bake.rest, poses, [next(opening.poses_of_file(baked, 0.0))])
-        bake.path.parent.mkdir(parents=True, exist_ok=True)
-        bake.path.write_bytes(written.read_bytes())
-    settings = bake.armature.uvcloth
-    settings.live = False
-    settings.garments.clear()
-    for part in bake.garments:
-        surface.put_source(part.data, np.arange(len(part.data.vertices)))
-        settings.garments.add().part = part
-    opening.keep_bones(bake.armature, rig)
-    settings.file = bpy.path.relpath(str(bake.path))
-    settings.live = True
-    context.scene.render.use_lock_interface = True
-    if fault := live.FAULTS.get(bake.armature.session_uid):
-        raise ValueError(fault)
+        rig = match_bones(names, errand.rest, poses, [next(opening.poses_of_file(baked, 0.0))])
+        path = path_of(errand.armature)
+        write_whole(path, errand.result.read_bytes())
+        settings = errand.armature.uvcloth
+        settings.live = False
+        for entry in settings.garments:
+            entry.row = rows[errand.garments.index(entry.part)] if entry.part in errand.garments else -1
+        for part in errand.garments:
+            surface.put_source(part.data, np.arange(len(part.data.vertices)))
+        opening.keep_bones(errand.armature, rig)
+        settings.file = bpy.path.relpath(str(path))
+        settings.live = True
+        context.scene.render.use_lock_interface = True
+        if fault := live.FAULTS.get(errand.armature.session_uid):
+            raise ValueError(fault)
+
+
+def path_of(armature: Any) -> Path:
+    """Where the baked file of an armature goes."""
+    name = bpy.path.clean_name(f"{Path(bpy.data.filepath).stem}-{armature.name}")
+    return Path(bpy.path.abspath(f"//{FOLDER}")) / f"{name}.glb"
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file, or leave the one that is there. Raises OSError."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_bytes(content)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def baked_rows(errand: Errand, garments: Sequence[BakedGarment]) -> list[int]:
+    """Place of each mesh among baked garments. Raises ValueError for a mesh of which several came."""
+    names = [garment.name for garment in garments]
+    for part, name in zip(errand.garments, errand.names, strict=True):
+        if name not in names:
+            raise ValueError(
+                f"{part.name} holds several garments: separate them (in Edit Mode P, By Loose Parts)"
+            )
+    return [names.index(name) for name in errand.names]
 
 
 def require_order(part: Any, baked: BakedFile, garment: BakedGarment) -> None:

@@ -55,18 +55,18 @@ def open_outfit(path: Path) -> tuple[BakedFile, Outfit]:
 
 
 def characters() -> Iterator[Any]:
-    """Armatures with baked clothes."""
+    """Armatures with garments."""
     for armature in bpy.data.objects:
-        if armature.type == "ARMATURE" and armature.uvcloth.file:
+        if armature.type == "ARMATURE" and armature.uvcloth.garments:
             yield armature
 
 
-def garments_of(armature: Any) -> list[Any]:
-    """Objects of a character's garments, the innermost first. Raises ValueError if one is gone."""
-    parts = [entry.part for entry in armature.uvcloth.garments]
-    if not parts or not all(part is not None and part.type == "MESH" for part in parts):
-        raise ValueError(f"a garment of {armature.name} is gone: open the character again")
-    return parts
+def garments_of(armature: Any) -> dict[int, Any]:
+    """Objects of a character's garments by their places in its file. Raises ValueError if one is gone."""
+    baked = {entry.row: entry.part for entry in armature.uvcloth.garments if entry.row >= 0}
+    if not baked or not all(part is not None and part.type == "MESH" for part in baked.values()):
+        raise ValueError(f"a garment of {armature.name} is gone: take it off, or open the character again")
+    return baked
 
 
 def session_of(armature: Any, scene: Any) -> Session:
@@ -88,17 +88,43 @@ def show(armature: Any, scene: Any, graph: Any) -> None:
 
     graph: evaluated at this frame.
     """
-    session = session_of(armature, scene)
-    garments = garments_of(armature)
-    sources = [surface.source_of(garment) for garment in garments]
-    for garment, source, size in zip(garments, sources, session.outfit.garments, strict=True):
+    session, garments = session_of(armature, scene), sourced_garments(armature, scene)
+    moment, scale = moment_of(armature, scene, graph)
+    session.timeline.show(moment)
+    _move(session, garments, scale, graph)
+
+
+def follow(armature: Any, scene: Any, graph: Any) -> None:
+    """Move the garments of a character one frame on, towards the pose that it has now. Raises ValueError."""
+    session, garments = session_of(armature, scene), sourced_garments(armature, scene)
+    moment, scale = moment_of(armature, scene, graph)
+    session.timeline.pose(moment, scene.render.fps_base / scene.render.fps)
+    _move(session, garments, scale, graph)
+
+
+def sourced_garments(armature: Any, scene: Any) -> list[tuple[int, Any, NDArray[np.int32]]]:
+    """Garments of a character: their places in the file, their objects, and the runtime's vertices of these.
+
+    Raises ValueError for one that has changed since it went live.
+    """
+    sizes = session_of(armature, scene).outfit.garments
+    garments = [(row, part, surface.source_of(part)) for row, part in garments_of(armature).items()]
+    for row, garment, source in garments:
         if (
-            source.min(initial=0) < 0
-            or source.max(initial=0) >= size
+            row >= len(sizes)
+            or source.min(initial=0) < 0
+            or source.max(initial=0) >= sizes[row]
             or surface.PLACES not in garment.data.attributes
         ):
-            raise ValueError(f"{garment.name} is not as it was when it went live: open the character again")
-    rig, skin = rig_of(armature), session.baked.skin
+            raise ValueError(
+                f"{garment.name} is not as it was when it went live: dress or open the character again"
+            )
+    return garments
+
+
+def moment_of(armature: Any, scene: Any, graph: Any) -> tuple[Moment, float]:
+    """What moves cloth to the scene's frame, and how often the armature is its size. Raises ValueError."""
+    rig, skin = rig_of(armature), session_of(armature, scene).baked.skin
     evaluated = armature.evaluated_get(graph)
     worlds, scale = rig.worlds(np.array(evaluated.matrix_world, np.float64), poses_of(evaluated, rig.bones))
     turn = skin.axes[:3, :3] @ TO_Z_UP[:3, :3].T
@@ -106,11 +132,16 @@ def show(armature: Any, scene: Any, graph: Any) -> None:
     settings = armature.uvcloth
     gravity = np.array(scene.gravity if scene.use_gravity else (0.0, 0.0, 0.0)) * settings.gravity
     wind = np.array(settings.wind, np.float64)
-    session.timeline.show(
-        Moment(scene.frame_current, skin.transforms(worlds[None])[0], turn @ wind, turn @ gravity)
-    )
-    for index, (garment, source) in enumerate(zip(garments, sources, strict=True)):
-        scene_places = session.baked.in_scene(session.cloth.vertices(index)[source])
+    joints = skin.transforms(worlds[None])[0]
+    return Moment(scene.frame_current, joints, turn @ wind, turn @ gravity), scale
+
+
+def _move(
+    session: Session, garments: list[tuple[int, Any, NDArray[np.int32]]], scale: float, graph: Any
+) -> None:
+    """Move garments to where the cloth is."""
+    for row, garment, source in garments:
+        scene_places = session.baked.in_scene(session.cloth.vertices(row)[source])
         world = scale * scene_places @ TO_Z_UP[:3, :3].T
         back = np.linalg.inv(np.array(garment.evaluated_get(graph).matrix_world, np.float64))
         surface.move(garment, world @ back[:3, :3].T + back[:3, 3])
@@ -157,7 +188,7 @@ def change(armature: Any, context: Any) -> None:
             surface.take_off(garment)
         return
     try:
-        for garment in garments_of(armature):
+        for garment in garments_of(armature).values():
             surface.put_on(garment)
         show(armature, context.scene, context.evaluated_depsgraph_get())
     except (ValueError, OSError) as error:

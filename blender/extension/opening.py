@@ -81,11 +81,12 @@ def open_character(context: Any, path: Path, set_frames: bool) -> Any:
         objects = made("objects")
         armature = _armature(baked, objects)
         settings = armature.uvcloth
-        for garment in baked.garments:
+        for row, garment in enumerate(baked.garments):
             part = _part(baked, garment, objects)
             surface.put_source(part.data, imported_vertices(baked, garment))
             weld(part.data)
-            settings.garments.add().part = part
+            entry = settings.garments.add()
+            entry.part, entry.row = part, row
         _find_bones(context, baked, armature)
         settings.file = str(path)
         settings.live = True

@@ -4,8 +4,9 @@ from typing import Any
 
 import bpy
 
-from . import cache, live
+from . import cache, fitting, live
 from .selection import character_of
+from .wardrobe import draw_garments
 
 
 class ClothPanel(bpy.types.Panel):
@@ -21,36 +22,46 @@ class ClothPanel(bpy.types.Panel):
         """Draw buttons, then what the active character has."""
         layout = self.layout
         layout.operator("uvcloth.open_baked", icon="IMPORT")
-        layout.operator_menu_enum("uvcloth.dress", "quality", icon="MATCLOTH")
         armature = character_of(context)
+        if armature is not None:
+            box = layout.box()
+            box.label(text=armature.name, icon="ARMATURE_DATA")
+            draw_garments(box, armature)
+        column = layout.column(align=True)
+        if fitting.has_previews(armature):
+            row = column.row(align=True)
+            row.operator("uvcloth.accept_fit", icon="CHECKMARK")
+            row.operator("uvcloth.take_back_fit", icon="LOOP_BACK")
+        else:
+            row = column.row(align=True)
+            row.operator("uvcloth.fit", icon="MOD_SHRINKWRAP")
+            row.operator("uvcloth.check", icon="VIEWZOOM")
+        column.operator_menu_enum("uvcloth.dress", "quality", icon="MATCLOTH")
         if armature is None:
             layout.label(text="No character with clothes is active")
-            return
-        settings = armature.uvcloth
-        _draw_character(layout.box(), armature)
-        column = layout.column(align=True)
-        column.prop(settings, "live", toggle=True, icon="PLAY")
-        column.operator("uvcloth.cache", icon="FILE_CACHE")
-        if cache.is_cached(armature):
-            column.operator("uvcloth.drop_cache", icon="X")
-        world = layout.column()
-        world.use_property_split = True
-        world.prop(settings, "wind")
-        world.prop(settings, "gravity")
-        if fault := live.FAULTS.get(armature.session_uid):
-            _draw_sentence(layout.box(), fault, context.region.width)
+        elif armature.uvcloth.file:
+            _draw_live(layout, context, armature)
 
 
-def _draw_character(layout: Any, armature: Any) -> None:
-    """Draw the armature, its garments, and how fine its cloth is."""
-    layout.label(text=armature.name, icon="ARMATURE_DATA")
-    for entry in armature.uvcloth.garments:
-        name = entry.part.name if entry.part else "(gone)"
-        layout.label(text=name, icon="MATCLOTH")
+def _draw_live(layout: Any, context: Any, armature: Any) -> None:
+    """Draw what baked clothes have: whether they are live, caches, and the world around them."""
+    settings = armature.uvcloth
+    column = layout.column(align=True)
+    column.prop(settings, "live", toggle=True, icon="PLAY")
+    column.prop(settings, "posing", toggle=True, icon="POSE_HLT")
+    column.operator("uvcloth.cache", icon="FILE_CACHE")
+    if cache.is_cached(armature):
+        column.operator("uvcloth.drop_cache", icon="X")
+    world = layout.column()
+    world.use_property_split = True
+    world.prop(settings, "wind")
+    world.prop(settings, "gravity")
     session = live.SESSIONS.get(armature.session_uid)
     if session is not None:
-        layout.label(text=f"Cage of {session.outfit.cages:,} vertices")
-        layout.label(text=f"{len(session.timeline):,} frames played")
+        frames = f"{len(session.timeline):,} frames played"
+        layout.label(text=f"Cage of {session.outfit.cages:,} vertices, {frames}")
+    if fault := live.FAULTS.get(armature.session_uid):
+        _draw_sentence(layout.box(), fault, context.region.width)
 
 
 def _draw_sentence(layout: Any, sentence: str, width: int) -> None:

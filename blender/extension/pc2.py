@@ -2,6 +2,7 @@
 
 import os
 import struct
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -36,5 +37,7 @@ class Pc2File:
 
     def discard(self) -> None:
         """Leave nothing."""
-        self._stream.close()
+        with suppress(OSError):
+            # What is still to be written does not fit on a full disk either.
+            self._stream.close()
         self._partial.unlink(missing_ok=True)

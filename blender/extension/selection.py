@@ -6,7 +6,7 @@ from . import live
 
 
 def character_of(context: Any) -> Any:
-    """The armature with baked clothes that is active, or whose garment or part is; None if there is none."""
+    """The armature with garments that is active, or whose garment or part is; None if there is none."""
     active = context.active_object
     if active is None:
         return None
@@ -15,3 +15,33 @@ def character_of(context: Any) -> Any:
         if active in (armature, *parts) or active.parent == armature:
             return armature
     return None
+
+
+def wearer_of(context: Any) -> tuple[Any, list[Any]]:
+    """The armature that is meant and the entries of its garments, in order; selected meshes are put on.
+
+    Raises ValueError in a sentence.
+    """
+    armature = context.view_layer.objects.active
+    if armature is None or armature.type != "ARMATURE":
+        armature = character_of(context)
+    if armature is None:
+        raise ValueError("select garment meshes, then the armature, which has to be the active object")
+    put_on(armature, sorted(context.selected_objects, key=lambda part: part.name))
+    entries = [entry for entry in armature.uvcloth.garments if entry.part is not None]
+    if not entries:
+        raise ValueError(f"select the garment meshes too, beside {armature.name}")
+    for entry in entries:
+        if entry.part.name not in context.view_layer.objects:
+            raise ValueError(f"{entry.part.name}, a garment of {armature.name}, is not in this view layer")
+        if entry.part.data.users > 1:
+            raise ValueError(f"the mesh of {entry.part.name} is used by others too: make it single-user")
+    return armature, entries
+
+
+def put_on(armature: Any, parts: list[Any]) -> None:
+    """Put meshes that are no garments of an armature yet, and no skin of it alone, over the others."""
+    worn = [entry.part for entry in armature.uvcloth.garments]
+    for part in parts:
+        if part.type == "MESH" and part not in worn:
+            armature.uvcloth.garments.add().part = part

@@ -1,4 +1,4 @@
-"""Files for the laboratory: a character as glTF, its garments as OBJ."""
+"""What is sent to the laboratory: a character as glTF, its garments as OBJ, and how they are worn."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,75 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from . import surface
 from .rig import TO_Z_UP, even_scale
+
+LONGEST_NAME = 60
+"""Letters of a garment's name in the laboratory."""
+
+PINNED = 0.5
+"""Weight in a vertex group from which on a vertex is pinned."""
+
+
+def send(
+    context: Any, armature: Any, entries: Sequence[Any], folder: Path
+) -> tuple[list[str], list[str | Path]]:
+    """Write a character and the garments of its entries into a folder.
+
+    Returns names of the garments in the laboratory, and the options that name the files and say how they are
+    worn. Raises ValueError in a sentence, and OSError.
+    """
+    garments = [entry.part for entry in entries]
+    skins = skin_meshes(context, armature, garments)
+    write_character(context, armature, skins, folder / "character.glb")
+    names = plain_names([garment.name for garment in garments])
+    words: list[str | Path] = ["--body", folder / "character.glb", "--garment"]
+    for garment, name in zip(garments, names, strict=True):
+        surface.place_of_cloth(garment)
+        write_garment(garment, armature, folder / f"{name}.obj")
+        words.append(folder / f"{name}.obj")
+    words += ["--fabric", *(entry.fabric for entry in entries)]
+    name_of = dict(zip(garments, names, strict=True))
+    if tucks := [f"{name_of[e.part]}:{name_of[e.into]}" for e in entries if e.into in name_of]:
+        words += ["--tuck", *tucks]
+    holds = []
+    for entry, name in zip(entries, names, strict=True):
+        if entry.hold != "FOUND":
+            holds.append(f"{name}:{entry.hold.lower()}")
+        if entry.pins:
+            write_pins(entry.part, entry.pins, folder / f"{name}.txt")
+            holds.append(f"{name}:{name}.txt")
+    if holds:
+        words += ["--hold", *holds]
+    return names, words
+
+
+def plain_names(names: Sequence[str]) -> list[str]:
+    """Names that files can have, each once."""
+    plain: list[str] = []
+    for name in names:
+        clean = "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")[:LONGEST_NAME]
+        clean = clean or "garment"
+        taken = sum(clean.lower() == other.lower() for other in plain)
+        plain.append(f"{clean}_{len(plain)}" if taken else clean)
+    return plain
+
+
+def write_pins(garment: Any, group: str, path: Path) -> None:
+    """Write the numbers of the vertices in a vertex group. Raises ValueError if it is gone or empty."""
+    index = garment.vertex_groups.find(group)
+    if index < 0:
+        raise ValueError(
+            f"{garment.name} has no vertex group {group} any more: choose another one for its pins"
+        )
+    pinned = [
+        vertex.index
+        for vertex in garment.data.vertices
+        if any(entry.group == index and entry.weight >= PINNED for entry in vertex.groups)
+    ]
+    if not pinned:
+        raise ValueError(f"no vertex of {garment.name} is pinned: vertex group {group} is empty")
+    path.write_text("\n".join(map(str, pinned)), encoding="utf-8")
 
 
 def skin_meshes(context: Any, armature: Any, garments: Sequence[Any]) -> list[Any]:
@@ -60,14 +128,8 @@ def write_character(context: Any, armature: Any, skins: Sequence[Any], path: Pat
 
 
 def write_garment(garment: Any, armature: Any, path: Path) -> None:
-    """Write a garment as OBJ at its armature's rest: the mesh without modifiers, Y up like the character.
-
-    Its origin is the armature's, its unit the world's. Raises ValueError for a scale that is not even.
-    """
-    mesh, place = garment.data, np.array(armature.matrix_world, np.float64)
-    size = even_scale(place)
-    to_origin = np.linalg.inv(TO_Z_UP) @ np.diag([size, size, size, 1.0]) @ np.linalg.inv(place)
-    whole = to_origin @ np.array(garment.matrix_world, np.float64)
+    """Write a garment as OBJ at its armature's rest: the mesh without modifiers, see `to_file`."""
+    mesh, whole = garment.data, to_file(garment, armature)
     points = vertices_of(mesh) @ whole[:3, :3].T + whole[:3, 3]
     lines = ["v {:.7f} {:.7f} {:.7f}".format(*point) for point in points]
     layer = mesh.uv_layers.active
@@ -78,6 +140,15 @@ def write_garment(garment: Any, armature: Any, path: Path) -> None:
         words = (f"{vertex + 1}/{loop + 1}" if layer else f"{vertex + 1}" for vertex, loop in corners)
         lines.append("f " + " ".join(words))
     path.write_text("\n".join([f"o {path.stem}", *lines, ""]), encoding="utf-8")
+
+
+def to_file(garment: Any, armature: Any) -> NDArray[np.float64]:
+    """Transform (4, 4) from an object's mesh to the character's file, which has the world with Y up.
+
+    Raises ValueError for an armature whose scale is not even.
+    """
+    even_scale(np.array(armature.matrix_world, np.float64))
+    return np.linalg.inv(TO_Z_UP) @ np.array(garment.matrix_world, np.float64)
 
 
 def vertices_of(mesh: Any) -> NDArray[np.float64]:

@@ -91,6 +91,17 @@ class Timeline:
         if moment.frame - self._moments[max(self._states)].frame >= SAVED_EVERY * self._fps:
             self._states[before] = self._cloth.save()
 
+    def pose(self, moment: Moment, seconds: float) -> None:
+        """Move the cloth on to a moment that is not played, as of a pose that is tried by hand.
+
+        Frames that were played come back when they are shown. Raises ValueError as `show` does.
+        """
+        if not self._moments:
+            self.show(moment)
+        self._at = -1
+        self._cloth.set_world(moment.wind, moment.gravity)
+        self._cloth.step(moment.joints, seconds)
+
     def _start(self, moment: Moment) -> None:
         self._forget_from(0)
         self._cloth.set_world(moment.wind, moment.gravity)

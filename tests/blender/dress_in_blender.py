@@ -1,24 +1,27 @@
-"""Run by a Python that has bpy: python dress_in_blender.py EXTENSION.zip BAKED.glb SKIRT.obj PYTHON FOLDER
+"""Run by a Python that has bpy: dress_in_blender.py EXTENSION.zip BAKED.glb SKIRT.obj TOPS.obj PYTHON FOLDER
 
-Dresses a character in an artist's own mesh, on an armature that is somewhere else, twice its size.
+Dresses a character in an artist's own meshes, on an armature that is somewhere else, twice its size.
 """
 
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
+from mathutils import Quaternion
 from mathutils.bvhtree import BVHTree
 
-EXTENSION, BAKED, SKIRT, PYTHON, FOLDER = (Path(each) for each in sys.argv[1:])
-said: dict[str, object] = {"refused": []}
+EXTENSION, BAKED, SKIRT, TOPS, PYTHON, FOLDER = (Path(each) for each in sys.argv[1:])
+said: dict[str, object] = {"refused": [], "reports": []}
+arrays: dict[str, np.ndarray] = {}
 
 
-def refused(**options) -> None:
-    """Dress, and note what it says."""
+def refused(command=None, **options) -> None:
+    """Run a command, dressing if none is named, and note what it says."""
     try:
-        bpy.ops.uvcloth.dress(quality="fast", **options)
+        command(**options) if command else bpy.ops.uvcloth.dress(quality="fast", **options)
     except RuntimeError as error:
         said["refused"].append(str(error).strip())
     else:
@@ -34,6 +37,13 @@ def select(*parts) -> None:
     bpy.context.view_layer.objects.active = parts[-1]
 
 
+def vertices(part) -> np.ndarray:
+    """Vertices (V, 3) of a mesh."""
+    points = np.empty(3 * len(part.data.vertices), np.float32)
+    part.data.vertices.foreach_get("co", points)
+    return points.reshape(-1, 3)
+
+
 def distances(garment, body) -> np.ndarray:
     """Distances (V,) of a garment from the body, as they are drawn, m."""
     graph = bpy.context.evaluated_depsgraph_get()
@@ -43,19 +53,72 @@ def distances(garment, body) -> np.ndarray:
     return np.array([tree.find_nearest(place @ vertex.co)[3] for vertex in drawn.to_mesh().vertices])
 
 
+def scene_now() -> list[object]:
+    """What a command that fails or is taken back leaves as it was."""
+    kinds = ("objects", "meshes", "node_groups")
+    return [
+        *(len(getattr(bpy.data, kind)) for kind in kinds),
+        [modifier.type for modifier in skirt.modifiers],
+        [group.name for group in skirt.vertex_groups],
+        skirt.display_type,
+        armature.uvcloth.file,
+    ]
+
+
+def driven(command, events, killed=False) -> list[object]:
+    """Run the modal code of an operator by made-up events; returns what it answers and reports."""
+    from bl_ext.user_default.uvcloth.errands import LaboratoryOperator
+
+    reports: list[str] = []
+    ended: list[str] = []
+    operator = type("Driven", (LaboratoryOperator,), {"begin": command.begin, "finish": command.finish})()
+    operator.quality = "fast"
+    operator.report = lambda kind, text: reports.append(f"{min(kind)}: {text}")
+    manager = SimpleNamespace(
+        event_timer_add=lambda seconds, window: "timer",
+        event_timer_remove=ended.append,
+        modal_handler_add=lambda _operator: True,
+    )
+    workspace = SimpleNamespace(status_text_set=lambda text: ended.append(text) if text is None else None)
+    names = ("view_layer", "scene", "preferences", "active_object", "selected_objects")
+    context = SimpleNamespace(
+        window_manager=manager,
+        workspace=workspace,
+        window=None,
+        evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
+        **{name: getattr(bpy.context, name) for name in names},
+    )
+    answers = [operator.invoke(context, None)]
+    if killed:
+        operator._errand.laboratory._process.kill()
+        operator._errand.laboratory._process.wait()
+    while answers[-1] & {"RUNNING_MODAL", "PASS_THROUGH"}:
+        kind = events.pop(0) if events else "TIMER"
+        answers.append(operator.modal(context, SimpleNamespace(type=kind)))
+    return [min(answers[0]), min(answers[-1]), reports, ended]
+
+
 bpy.ops.wm.read_factory_settings(use_empty=True)
 bpy.ops.extensions.package_install_files(filepath=str(EXTENSION), repo="user_default", enable_on_install=True)
 preferences = bpy.context.preferences.addons["bl_ext.user_default.uvcloth"].preferences
-from bl_ext.user_default.uvcloth import live  # noqa: E402
+from bl_ext.user_default.uvcloth import dressing, fitting, laboratory, live, posing  # noqa: E402
 
 scene = bpy.context.scene
 scene.render.fps = 30
 bpy.ops.import_scene.gltf(filepath=str(BAKED))
 bpy.data.objects.remove(bpy.data.objects["dress"])
 armature, body = bpy.data.objects["Armature"], bpy.data.objects["body"]
-bpy.ops.wm.obj_import(filepath=str(SKIRT), forward_axis="Y", up_axis="Z")
-skirt = bpy.context.selected_objects[0]
-skirt.parent = armature
+
+
+def brought(path: Path):
+    """A garment of a file, on the armature."""
+    bpy.ops.wm.obj_import(filepath=str(path), forward_axis="Y", up_axis="Z")
+    part = bpy.context.selected_objects[0]
+    part.parent = armature
+    return part
+
+
+skirt, tops = brought(SKIRT), brought(TOPS)
 below = skirt.modifiers.new("round", "SUBSURF")
 below.levels = 0
 armature.rotation_mode = "XYZ"
@@ -63,12 +126,12 @@ armature.location, armature.rotation_euler = (2.0, 1.0, 0.0), (0.0, 0.0, 0.5)
 armature.scale = (2.0, 2.0, 2.0)
 bpy.context.view_layer.update()
 
+bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "scene.blend"))
 select(armature)
 refused()  # Nothing to wear.
 select(skirt, armature)
 refused()  # No laboratory.
 preferences.python = str(FOLDER / "nowhere")
-bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "scene.blend"))
 refused()  # None that runs.
 preferences.python = sys.executable
 refused()  # One without uvcloth.
@@ -81,16 +144,101 @@ bpy.context.view_layer.update()
 refused()
 armature.scale = (2.0, 2.0, 2.0)
 bpy.context.view_layer.update()
+settings = armature.uvcloth
+pinned = skirt.vertex_groups.new(name="pinned")
+settings.garments[0].pins = "pinned"
+refused()  # No vertex is pinned.
+settings.garments[0].pins = ""
+skirt.vertex_groups.remove(pinned)
 said["untouched"] = [modifier.type for modifier in skirt.modifiers], armature.uvcloth.file
 
-bpy.ops.uvcloth.dress(quality="fast")
+# Stopped, and killed, in the middle: the scene is as it was.
+before = scene_now()
+said["stopped"] = driven(fitting.Fit, ["MOUSEMOVE", "TIMER", "ESC"])
+said["killed"] = driven(dressing.Dress, ["TIMER"], killed=True)
+said["left"] = [before, scene_now()]
+
+# A skirt in the hips: marked, shown as it would be, taken back, accepted.
+made = vertices(skirt)
+sunk = made.copy()
+sunk[:, :2] -= 0.03 * sunk[:, :2] / np.linalg.norm(sunk[:, :2], axis=1, keepdims=True)
+skirt.data.vertices.foreach_set("co", sunk.ravel())
+bpy.ops.uvcloth.check()
+group = skirt.vertex_groups.get(fitting.MARK)
+said["marked"] = [
+    sum(any(entry.group == group.index for entry in vertex.groups) for vertex in skirt.data.vertices),
+    sum(vertex.select for vertex in skirt.data.vertices),
+]
+skirt.vertex_groups.remove(group)
+before = scene_now()
+said["fitted"] = driven(fitting.Fit, [])
+said["previews"] = [part.name for part in bpy.data.objects if part.name.endswith(" fit")]
+said["wire"] = skirt.display_type
+bpy.ops.uvcloth.take_back_fit()
+said["taken_back"] = [before, scene_now(), bool((vertices(skirt) == sunk).all())]
+bpy.ops.uvcloth.fit()
+preview = vertices(bpy.data.objects["skirt fit"])
+bpy.ops.uvcloth.accept_fit()
+said["accepted"] = [bool((vertices(skirt) == preview).all()), scene_now() == before]
+bpy.ops.uvcloth.check()
+said["clean"] = fitting.MARK not in skirt.vertex_groups
+skirt.data.vertices.foreach_set("co", made.ravel())
+
+# Two garments, the top tucked into the skirt whatever the order; the skirt pinned by its waist.
+select(tops, armature)
+bpy.ops.uvcloth.put_on()
+settings.active = 1
+bpy.ops.uvcloth.move_garment(outwards=False)
+said["order"] = [entry.part.name for entry in settings.garments]
+bpy.ops.uvcloth.move_garment(outwards=True)
+settings.garments[1].into = skirt
+settings.garments[0].fabric = "denim"
+waist = skirt.vertex_groups.new(name="waist")
+waist.add(np.flatnonzero(made[:, 2] > made[:, 2].max() - 0.03).tolist(), 1.0, "REPLACE")
+settings.garments[0].pins = "waist"
+armature.pose.bones[0].location = armature.pose.bones[0].location  # Posed, not at rest, while it is sent.
+said["dressed"] = driven(dressing.Dress, ["MOUSEMOVE"])
+said["rows"] = [[entry.part.name, entry.row] for entry in settings.garments]
 said["modifiers"] = [modifier.type for modifier in skirt.modifiers]
 said["file"] = armature.uvcloth.file
 near = {}
 for frame in range(31):
     scene.frame_set(frame)
     if frame in (0, 30):
-        near[frame] = distances(skirt, body)
+        near[frame] = [distances(part, body) for part in (skirt, tops)]
 said["fault"] = live.FAULTS.get(armature.session_uid, "")
-np.savez(FOLDER / "arrays.npz", first=near[0], last=near[30])
+for frame, name in ((0, "first"), (30, "last")):
+    arrays[f"skirt_{name}"], arrays[f"tops_{name}"] = near[frame]
+
+# An arm is raised while the timeline stands: cloth follows, and frames come back as they were.
+played = [np.array(live.surface.places(part)) for part in (skirt, tops)]
+graph = bpy.context.evaluated_depsgraph_get
+posing.step(armature, scene, graph())
+said["stands"] = posing.step(armature, scene, graph())
+arm = next(bone for bone in armature.pose.bones if bone.name.lower().startswith("leftarm"))
+arm.rotation_quaternion = arm.rotation_quaternion @ Quaternion((1.0, 0.0, 0.0), 0.5)
+bpy.context.view_layer.update()
+steps = 0
+while posing.step(armature, scene, graph()):
+    steps += 1
+said["steps"] = steps
+arrays["posed"] = np.linalg.norm(live.surface.places(tops) - played[1], axis=1)
+scene.frame_set(29)
+scene.frame_set(30)
+arrays["back"] = live.surface.places(tops) - played[1]
+
+# A garment that is taken off leaves the other live.
+settings.active = 0
+bpy.ops.uvcloth.take_off()
+scene.frame_set(5)
+said["taken_off"] = [
+    [modifier.type for modifier in skirt.modifiers],
+    live.FAULTS.get(armature.session_uid, ""),
+    settings.live,
+]
+
+process = laboratory._Kept.laboratory._process
+bpy.ops.preferences.addon_disable(module="bl_ext.user_default.uvcloth")
+said["child_left"] = process.poll() is None
+np.savez(FOLDER / "arrays.npz", **arrays)
 (FOLDER / "said.json").write_text(json.dumps(said), encoding="utf-8")

@@ -4,11 +4,19 @@ Does in Blender what an artist would, and writes what came of it to FOLDER/array
 """
 
 import json
+import signal
 import sys
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
+
+try:
+    import resource
+except ImportError:  # Not on Windows.
+    resource = None
 
 FRAMES = range(10)
 EXTENSION, BAKED, FOLDER = (Path(each) for each in sys.argv[1:])
@@ -69,7 +77,7 @@ said["unregistered"] = not hasattr(bpy.types.Object, "uvcloth") and not hasattr(
 )
 bpy.ops.preferences.addon_enable(module=MODULE)
 
-from bl_ext.user_default.uvcloth import live, surface  # noqa: E402
+from bl_ext.user_default.uvcloth import cache, live, surface  # noqa: E402
 
 before = counts()
 said["refused"] = {
@@ -143,10 +151,38 @@ bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "scene.blend"))
 bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "scene.blend"))
 arrays["reloaded"] = played(FRAMES)
 
-# A cache plays it without the runtime.
+# A cache that is stopped, or does not fit on the disk, leaves nothing, and the cloth live.
 scene, armature, dress = bpy.context.scene, bpy.data.objects["Armature"], bpy.data.objects["dress"]
 scene.frame_end = FRAMES[-1]
 bpy.context.view_layer.objects.active = dress
+
+
+def driven_cache(events) -> list[object]:
+    """Run the modal code of Cache by made-up events; returns its answers, its reports, and what is left."""
+    reports: list[str] = []
+    operator = SimpleNamespace(report=lambda kind, text: reports.append(f"{min(kind)}: {text}"))
+    operator._end = partial(cache.WriteCache._end, operator)
+    nothing = lambda *_arguments, **_options: None  # noqa: E731
+    names = ("event_timer_add", "event_timer_remove", "progress_begin", "progress_update", "progress_end")
+    manager = SimpleNamespace(modal_handler_add=nothing, **dict.fromkeys(names, nothing))
+    context = SimpleNamespace(window_manager=manager, window=None, scene=scene, active_object=dress)
+    answers = [cache.WriteCache.invoke(operator, context, None)]
+    while answers[-1] & {"RUNNING_MODAL", "PASS_THROUGH"}:
+        event = SimpleNamespace(type=events.pop(0) if events else "TIMER")
+        answers.append(cache.WriteCache.modal(operator, context, event))
+    left = list((FOLDER / cache.FOLDER).iterdir()) if (FOLDER / cache.FOLDER).exists() else []
+    return [[min(answer) for answer in answers], reports, len(left), armature.uvcloth.live]
+
+
+said["cache_stopped"] = driven_cache(["TIMER", "MOUSEMOVE", "TIMER", "ESC"])
+if resource is not None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
+    said["cache_full"] = driven_cache([])
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+# A cache plays it without the runtime.
 bpy.ops.uvcloth.cache()
 said["live"] = armature.uvcloth.live
 said["cached_modifiers"] = [modifier.type for modifier in dress.modifiers]

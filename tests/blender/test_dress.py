@@ -1,4 +1,4 @@
-"""An artist's own mesh in Blender, baked by a child process and live."""
+"""An artist's own meshes in Blender: checked, fitted, baked by a child process, and live."""
 
 import os
 import sys
@@ -8,16 +8,19 @@ import numpy as np
 import pytest
 
 from tests.blender.conftest import Done, run_in_blender
+from uvcloth.bodies.body import Body
+from uvcloth.export.obj import save_obj
+from uvcloth.garments.templates import fit_template
 
 ROOT = Path(__file__).parents[2]
 SKIRT = ROOT / "uvcloth" / "data" / "garments" / "miniskirt.obj"
-NEAR, FAR = 0.02, 0.3
-"""Metres from the body within which the skirt's waist is, and beyond which none of it is."""
+NEAR, FAR = 0.03, 0.3
+"""Metres from the body within which a fifth of a garment is, also over another, and beyond which none is."""
 
 
 @pytest.fixture(scope="module")
 def dressed(
-    blender_python: str, extension: Path, baked: Path, tmp_path_factory: pytest.TempPathFactory
+    blender_python: str, extension: Path, baked: Path, body: Body, tmp_path_factory: pytest.TempPathFactory
 ) -> Done:
     """What dress_in_blender.py does."""
     if os.name == "nt":
@@ -27,22 +30,76 @@ def dressed(
     python = folder / "python"
     python.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" "$@"\n', encoding="utf-8")
     python.chmod(0o755)
-    return run_in_blender(blender_python, "dress_in_blender.py", extension, baked, SKIRT, python, folder)
+    tops = folder / "tops.obj"
+    save_obj(fit_template("tops", body).mesh, tops)
+    return run_in_blender(
+        blender_python, "dress_in_blender.py", extension, baked, SKIRT, tops, python, folder
+    )
 
 
 def test_the_mesh_itself_is_live_below_armature_and_above_the_rest(dressed: Done) -> None:
+    assert dressed.said["dressed"] == ["RUNNING_MODAL", "FINISHED", [], ["timer", None]]
     assert dressed.said["modifiers"] == ["NODES", "SUBSURF"]
     assert dressed.said["file"] == "//uvcloth_baked/scene-Armature.glb"
     assert (dressed.folder / "uvcloth_baked" / "scene-Armature.glb").exists()
     assert dressed.said["fault"] == ""
 
 
+def test_garments_are_worn_in_the_order_of_the_list_and_of_tucks(dressed: Done) -> None:
+    assert dressed.said["order"] == ["tops", "skirt"]
+    assert dressed.said["rows"] == [["skirt", 1], ["tops", 0]]
+
+
+@pytest.mark.parametrize("garment", ["skirt", "tops"])
 @pytest.mark.parametrize("frame", ["first", "last"])
-def test_the_skirt_is_on_the_body(dressed: Done, frame: str) -> None:
+def test_the_garments_are_on_the_body(dressed: Done, garment: str, frame: str) -> None:
     """In the axes of the body, which is drawn at twice its size."""
-    distances = dressed.arrays[frame]
+    distances = dressed.arrays[f"{garment}_{frame}"]
     assert np.quantile(distances, 0.2) < NEAR
     assert distances.max() < FAR
+
+
+def test_a_fit_is_shown_taken_back_or_accepted(dressed: Done) -> None:
+    begun, ended, (report,), _ = dressed.said["fitted"]
+    assert (begun, ended) == ("RUNNING_MODAL", "FINISHED")
+    assert report.startswith("INFO: skirt would be moved by up to ")
+    assert dressed.said["previews"] == ["skirt fit"]
+    assert dressed.said["wire"] == "WIRE"
+    before, after, is_same = dressed.said["taken_back"]
+    assert before == after
+    assert is_same
+    assert dressed.said["accepted"] == [True, True]
+
+
+def test_vertices_that_start_in_the_body_are_marked_and_selected(dressed: Done) -> None:
+    marked, selected = dressed.said["marked"]
+    assert marked > 50
+    assert 0 < selected <= marked
+    assert dressed.said["clean"]
+
+
+def test_what_is_stopped_or_killed_leaves_the_scene_as_it_was(dressed: Done) -> None:
+    assert dressed.said["stopped"] == ["RUNNING_MODAL", "CANCELLED", [], ["timer", None]]
+    begun, ended, (report,), cleared = dressed.said["killed"]
+    assert (begun, ended, cleared) == ("RUNNING_MODAL", "CANCELLED", ["timer", None])
+    assert report.startswith("ERROR: the laboratory has ended")
+    before, after = dressed.said["left"]
+    assert before == after
+
+
+def test_cloth_follows_a_pose_while_the_timeline_stands(dressed: Done) -> None:
+    assert not dressed.said["stands"]
+    assert dressed.said["steps"] == 60
+    assert dressed.arrays["posed"].max() > 0.02
+    assert not dressed.arrays["back"].any()
+
+
+def test_a_garment_that_is_taken_off_leaves_the_others_live(dressed: Done) -> None:
+    assert dressed.said["taken_off"] == [["SUBSURF"], "", True]
+
+
+def test_the_laboratory_ends_with_the_extension(dressed: Done) -> None:
+    assert not dressed.said["child_left"]
 
 
 def test_what_cannot_be_dressed_is_refused_in_a_sentence(dressed: Done) -> None:
@@ -53,6 +110,7 @@ def test_what_cannot_be_dressed_is_refused_in_a_sentence(dressed: Done) -> None:
         "has no uvcloth",
         "has no visible skin",
         "negative scale",
+        "vertex group pinned is empty",
     )
     for sentence, words in zip(dressed.said["refused"], expected, strict=True):
         assert words in sentence

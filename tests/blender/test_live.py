@@ -93,6 +93,18 @@ def test_a_cache_plays_what_was_live(done: Done) -> None:
     assert done.said["dropped_modifiers"] == ["ARMATURE"]
 
 
+def test_a_cache_that_is_stopped_or_does_not_fit_leaves_nothing_and_the_cloth_live(done: Done) -> None:
+    answers, reports, left, is_live = done.said["cache_stopped"]
+    assert answers == ["RUNNING_MODAL", "RUNNING_MODAL", "PASS_THROUGH", "RUNNING_MODAL", "CANCELLED"]
+    assert (reports, left, is_live) == ([], 0, True)
+    if "cache_full" not in done.said:
+        pytest.skip("needs a limit for the size of files")
+    answers, (report,), left, is_live = done.said["cache_full"]
+    assert answers[-1] == "CANCELLED"
+    assert "File too large" in report
+    assert (left, is_live) == (0, True)
+
+
 def test_the_cache_is_one_file_of_all_frames(done: Done) -> None:
     (path,) = (done.folder / "uvcloth_cache").iterdir()
     content = path.read_bytes()

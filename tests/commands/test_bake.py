@@ -71,7 +71,7 @@ def hero(character: Path, fitted: CharacterBody) -> Path:
     path = character.with_name("baked.glb")
     command = Bake(("bottoms", "tops"), path, body=character, motion="walk", quality="fast", options=SOME)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("uvcloth.commands.bake_file.body_from_character", lambda *_: fitted)
+        patch.setattr("uvcloth.commands.wearer.body_from_character", lambda *_: fitted)
         bake(command)
     return path
 

@@ -1,6 +1,7 @@
 """Places that hold garments up, found from their meshes and named by a person."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -8,11 +9,12 @@ import torch
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.garments.band import held_by, holding_band
-from uvcloth.garments.garment import Garment
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.holds import Hold, held_at
 from uvcloth.garments.places import places
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges
+from uvcloth.methods.physics.outfit import PhysicsConfig, make_caged_outfit
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +70,50 @@ def test_a_garment_that_is_closed_at_its_top_hangs_from_the_shoulders(body: Body
 
 
 def test_unknown_places_and_garments_are_named(body: Body, skirt: Garment) -> None:
-    with pytest.raises(InputError, match="--hold belt: expected PLACE or GARMENT:PLACE, with top, collar"):
+    with pytest.raises(
+        InputError, match=r"--hold belt: expected PLACE, GARMENT:PLACE or GARMENT:FILE\.txt, with top"
+    ):
         Hold.parse("belt")
     with pytest.raises(InputError, match="--hold coat:waist: coat is not worn; worn are skirt"):
         held_at([skirt], [Hold("waist", "coat")], body)
     with pytest.raises(InputError, match="--hold collar: no collar is found; skirt has top, waist"):
         held_at([skirt], [Hold("collar")], body)
+
+
+def test_vertices_that_a_file_names_hold_instead_or_beside(
+    body: Body, skirt: Garment, tmp_path: Path
+) -> None:
+    path = tmp_path / "pins.txt"
+    path.write_text("3 5\n8\n", encoding="utf-8")
+    (pinned,) = held_at([skirt], [Hold.parse(f"skirt:{path}")], body)
+    band = holding_band(pinned, body)
+    assert torch.nonzero(band.vertices)[:, 0].tolist() == [3, 5, 8]
+    assert band.mass < 100.0
+    (both,) = held_at([skirt], [Hold.parse(f"skirt:{path}"), Hold.parse("top")], body)
+    expected = holding_band(skirt, body).vertices | band.vertices
+    assert torch.equal(holding_band(both, body).vertices, expected)
+    assert held_by(both, body) == ("top", "pins")
+
+
+def test_a_file_of_pins_that_is_empty_or_of_no_garment_is_refused(
+    body: Body, skirt: Garment, tmp_path: Path
+) -> None:
+    path = tmp_path / "pins.txt"
+    path.write_text("", encoding="utf-8")
+    with pytest.raises(InputError, match=r"--hold skirt:.*pins\.txt: names no vertex of skirt"):
+        held_at([skirt], [Hold.parse(f"skirt:{path}")], body)
+    with pytest.raises(InputError, match=r"--hold .*pins\.txt: expected PLACE"):
+        Hold.parse("pins.txt")
+    path.write_text("999999", encoding="utf-8")
+    with pytest.raises(InputError, match=r"pins\.txt: vertex 999999 is not one of the"):
+        held_at([skirt], [Hold.parse(f"skirt:{path}")], body)
+
+
+def test_pins_too_few_for_the_cage_are_refused(body: Body, skirt: Garment) -> None:
+    hem = int(skirt.mesh.vertices[:, 2].argmin())
+    pins = torch.zeros(len(skirt.mesh.vertices), dtype=torch.bool)
+    pins[hem] = True
+    near = (skirt.mesh.vertices - skirt.mesh.vertices[hem]).norm(dim=1) < 0.05
+    with pytest.raises(InputError, match="garment skirt: what holds it up falls between the vertices"):
+        make_caged_outfit(Outfit(body, (replace(skirt, pins=pins),)), PhysicsConfig("fast"))
+    make_caged_outfit(Outfit(body, (replace(skirt, pins=near),)), PhysicsConfig("fast"))

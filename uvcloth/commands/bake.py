@@ -7,6 +7,7 @@ from typing import Annotated
 from tyro.conf import arg
 
 from uvcloth.commands.options import (
+    CHARACTERS,
     MOTION,
     Fabrics,
     FromBody,
@@ -14,14 +15,12 @@ from uvcloth.commands.options import (
     GarmentsInOrder,
     Holds,
     MotionFile,
+    OnCharacter,
     Quality,
     Tucks,
 )
 from uvcloth.files.options import NewFile, Source
 from uvcloth.motion.options import MotionOptions
-
-CHARACTERS = (".glb", ".gltf", ".vrm", ".fbx")
-"""Suffixes of rigged characters."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +47,7 @@ class Bake:
     tuck: Tucks = ()
     hold: Holds = ()
     garment_pose: GarmentPose = None
+    on_character: OnCharacter = False
     from_body: FromBody = None
     fabric: Fabrics = ()
     """Fabric of the garments: one for all, or one for each."""

@@ -1,6 +1,5 @@
 """Baked files: a character and its outfit, for viewers and for the runtime."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -8,11 +7,11 @@ from pathlib import Path
 import torch
 from rich.console import Console
 
-from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.body import Body
 from uvcloth.bodies.visible import visible_body
-from uvcloth.characters.body import body_from_character
-from uvcloth.characters.joints import OwnJoints, own_joints
-from uvcloth.commands.bake import CHARACTERS, Bake
+from uvcloth.characters.joints import OwnJoints
+from uvcloth.commands.bake import Bake
+from uvcloth.commands.wearer import load_wearer
 from uvcloth.commands.worn import load_worn
 from uvcloth.errors import InputError
 from uvcloth.export.glb import Document
@@ -55,8 +54,10 @@ def bake(command: Bake) -> Baked:
     console = Console(stderr=True)
     report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     with console.status("preparing"):
-        body, joints = _body(command.body, report)
-        outfit = load_worn(command, body, report)
+        wearer = load_wearer(command.body, report)
+        body, joints = wearer.body, wearer.joints
+        frame = wearer.require_frame("--on-character") if command.on_character else None
+        outfit = load_worn(command, body, report, frame=frame)
         if reason := unheld_reason(outfit):
             raise InputError(f"{reason}; the runtime cannot hold it up")
         require_own_names(command.out, [garment.name for garment in outfit.garments])
@@ -77,16 +78,6 @@ def bake(command: Bake) -> Baked:
             document.write(unfinished)
     names = tuple(garment.name for garment in worn.garments)
     return Baked(command.out, names, len(skin.nodes), len(content))
-
-
-def _body(path: Path | None, report: Callable[[str], None]) -> tuple[Body, OwnJoints | None]:
-    """The body that garments are fitted to; of a character also the joints of its file that move it."""
-    if path is None or path.suffix.lower() not in CHARACTERS:
-        return load_body(path), None
-    made = body_from_character(path, load_body())
-    for line in made.lines():
-        report(line)
-    return made.body, own_joints(path, made.rigged)
 
 
 def _character(path: Path | None, body: Body, joints: OwnJoints | None) -> tuple[Document, ClothSkin]:

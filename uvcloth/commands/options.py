@@ -21,6 +21,9 @@ TRAINED = "a folder written by `uvcloth train`"
 MOTIONS = (".bvh", ".glb", ".gltf", ".vrm", ".vrma", ".fbx", ".npz")
 """Suffixes of motion files."""
 
+CHARACTERS = (".glb", ".gltf", ".vrm", ".fbx")
+"""Suffixes of rigged characters."""
+
 VIDEO = Package("av", "videos need PyAV: install uvcloth[video]", (".mp4", ".gif"))
 EXTRAS = (
     Package("alembic3d", "writing Alembic needs alembic3d: install uvcloth[alembic]", (".abc",)),
@@ -93,6 +96,12 @@ FromBody = Annotated[
     ),
     Source(),
 ]
+OnCharacter = Annotated[
+    bool,
+    arg(
+        help="Garment files lie on the character as its file has it: in its axes, its unit and its bind pose."
+    ),
+]
 Tucks = Annotated[
     tuple[str, ...],
     arg(
@@ -105,9 +114,10 @@ Tucks = Annotated[
 Holds = Annotated[
     tuple[str, ...],
     arg(
-        metavar="[GARMENT:]PLACE ...",
+        metavar="[GARMENT:]PLACE|FILE ...",
         help="Places that hold garments up: top (the uppermost hem), collar, waist, cuffs or shoulders; "
-        "`uvcloth fit` names those of a garment. cuffs: sleeves or trouser legs with a closure.",
+        "`uvcloth fit` names those of a garment. cuffs: sleeves or trouser legs with a closure. Or, with the "
+        "garment's name, a .txt file of the numbers of its vertices, from 0.",
         help_behavior_hint="(default: the uppermost hem, or the shoulders)",
     ),
 ]

@@ -4,12 +4,14 @@ from collections.abc import Callable, Sequence
 
 from uvcloth.bodies.body import Body
 from uvcloth.commands.bake import Bake
+from uvcloth.commands.rest import Rest
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.tryon import TryOn
 from uvcloth.garments.fit import Fitting
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.holds import Hold
 from uvcloth.garments.loading import load_outfit
+from uvcloth.garments.on_character import CharacterFrame
 from uvcloth.garments.tucks import Tuck
 from uvcloth.methods.automatic import AUTO, named_models
 from uvcloth.methods.finish_names import FinishName
@@ -18,10 +20,14 @@ from uvcloth.ready import ready_method
 
 
 def load_worn(
-    command: Rollout | TryOn | Bake, body: Body, report: Callable[[str], None], templates: Sequence[str] = ()
+    command: Rollout | TryOn | Bake | Rest,
+    body: Body,
+    report: Callable[[str], None],
+    templates: Sequence[str] = (),
+    frame: CharacterFrame | None = None,
 ) -> Outfit:
-    """The garments of a command on a body. templates: as `load_outfit` has them."""
-    how = Fitting(command.garment_pose, from_body=command.from_body)
+    """The garments of a command on a body. templates: as `load_outfit` has them. frame: as in Fitting."""
+    how = Fitting(command.garment_pose, from_body=command.from_body, frame=frame)
     tucks = [Tuck.parse(text) for text in command.tuck]
     holds = [Hold.parse(text) for text in command.hold]
     return Outfit(

@@ -1,4 +1,5 @@
-"""Holding bands of garments: the strip that a template names, a named place, or one along the uppermost hem.
+"""Holding bands of garments: the strip that a template names, named places and vertices, or one along the
+uppermost hem.
 
 A piece without a hem at its top, a hood that is closed, is held by its cloth on the shoulders.
 """
@@ -38,6 +39,9 @@ TEMPLATE_MASS = {
 WAIST_SHARE, SHOULDER_SHARE = 0.85, 0.3
 """Mass of any other band over the mass below it; shoulders carry most of the rest."""
 
+LEAST_BANDED = 0.01
+"""Share of a garment's area that a band counts for, at least: single vertices hold it up too."""
+
 
 @dataclass(frozen=True)
 class Band:
@@ -63,20 +67,23 @@ def unheld_reason(outfit: Outfit) -> str:
 def holding_band(garment: Garment, body: Body) -> Band:
     """The band of a garment, which a simulation attaches to the body; each separate piece is held by its own.
 
-    The places of `garment.holds` count, if it has any. Raises InputError for a piece that neither an open hem
-    at its top nor the shoulders hold.
+    The places of `garment.holds` and the vertices of `garment.pins` count, if it has any. Raises InputError
+    for a piece that neither an open hem at its top nor the shoulders hold.
     """
-    if garment.source == "template" and garment.template and not garment.holds:
+    is_named = bool(garment.holds) or garment.pins is not None
+    if garment.source == "template" and garment.template and not is_named:
         return Band(load_template(garment.template).band, TEMPLATE_MASS[garment.template])
     mesh, held = garment.mesh, torch.zeros(len(garment.mesh.vertices), dtype=torch.bool)
-    if not garment.holds or "top" in garment.holds:
+    if not is_named or "top" in garment.holds:
         held |= _top(garment, body)
+    if garment.pins is not None:
+        held |= garment.pins
     if garment.holds:
         masks = places(mesh, body)
         for place in garment.holds:
             held |= masks.get(place, held)
     area = face_normals(mesh.vertices, mesh.faces).norm(dim=1)
-    banded = float((area * held[mesh.faces].float().mean(1)).sum())
+    banded = max(float((area * held[mesh.faces].float().mean(1)).sum()), LEAST_BANDED * float(area.sum()))
     on_shoulders = float(mesh.vertices[held][:, 2].mean()) > joint_of(body, "left_upper_arm")[2]
     share = SHOULDER_SHARE if on_shoulders else WAIST_SHARE
     return Band(held, 1.0 + share * (float(area.sum()) - banded) / banded)
@@ -84,8 +91,8 @@ def holding_band(garment: Garment, body: Body) -> Band:
 
 def held_by(garment: Garment, body: Body) -> tuple[str, ...]:
     """Names of the places that hold a garment. Raises InputError as `holding_band` does."""
-    if garment.holds:
-        return garment.holds
+    if garment.holds or garment.pins is not None:
+        return (*garment.holds, *(("pins",) if garment.pins is not None else ()))
     band = holding_band(garment, body).vertices
     shares = {
         name: float((mask & band).sum()) / float(band.sum())

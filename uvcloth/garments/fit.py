@@ -17,6 +17,7 @@ from uvcloth.garments.diagnose import Diagnosis, diagnose
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
+from uvcloth.garments.on_character import CharacterFrame
 from uvcloth.garments.pose import POSES, REST, arms_held, limbs_held, other_pose, posed_body, unposed
 from uvcloth.garments.relaxation import Settled, settle
 from uvcloth.garments.transfer import transfer
@@ -66,12 +67,13 @@ class Fitting:
     """Knowledge of the body that a garment file was modelled on, and of where it lies.
 
     pose: one of POSES, None to find it. known: parts of the alignment. from_body: the mesh of that body, with
-    the garment on it.
+    the garment on it. frame: that of the character's file, if the garment lies on it there.
     """
 
     pose: str | None = None
     known: Known = UNKNOWN
     from_body: Path | None = None
+    frame: CharacterFrame | None = None
 
 
 PLAIN = Fitting()
@@ -144,6 +146,8 @@ def place_on_body(path: Path, mesh: Mesh, body: Body, how: Fitting = PLAIN) -> P
         placed, diagnosis = _transferred(path, mesh, body, how)
     elif how.known:
         placed, diagnosis = _aligned(path, mesh, body, how)
+    elif how.frame is not None:
+        placed, diagnosis = _on_character(path, mesh, body, how, how.frame)
     else:
         placed, diagnosis = _usual(path, mesh, body, how)
     return _unwrapped(path, placed, diagnosis, torch.zeros(0, dtype=torch.int64))
@@ -157,6 +161,29 @@ def _unwrapped(path: Path, mesh: Mesh, diagnosis: Diagnosis, hides: Tensor) -> P
         return PlacedFile(mesh, diagnosis, hides)
     uvs, face_uvs = unwrap(mesh.vertices, mesh.faces, str(path))
     return PlacedFile(replace(mesh, uvs=uvs, face_uvs=face_uvs), replace(diagnosis, unwrapped=True), hides)
+
+
+def _on_character(
+    path: Path, mesh: Mesh, body: Body, how: Fitting, frame: CharacterFrame
+) -> tuple[Mesh, Diagnosis]:
+    """A mesh that lies on a character as its file has it; as `_usual` places it if it does not lie there."""
+    posed = frame.posed(body)
+    lies = replace(mesh, vertices=frame.to_body(mesh.vertices))
+    try:
+        there, diagnosis = diagnose(path, lies, posed, bound=True)
+    except UnwearableError as error:
+        if error.anywhere:
+            raise
+        at_hips = lies.vertices - posed.skeleton.heads[0] + body.skeleton.heads[0]
+        try:
+            return _usual(path, replace(lies, vertices=at_hips), body, how)
+        except UnwearableError:
+            raise error from None
+    placed = unposed(there, posed, frame.transforms)
+    diagnosis = replace(diagnosis, fitting=("on the character, as its file has it",))
+    if diagnosis.inside_share > SOME_INSIDE:
+        return _settled(path, placed, diagnosis, body)
+    return placed, diagnosis
 
 
 def _usual(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diagnosis]:

@@ -32,6 +32,7 @@ class Garment:
     hides: Tensor | None = None
     fabric: Fabric = JERSEY
     holds: tuple[str, ...] = ()
+    pins: Tensor | None = None
 
 
 @dataclass(frozen=True)

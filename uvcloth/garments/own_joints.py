@@ -12,7 +12,8 @@ from uvcloth.garments.garment import Garment, Outfit
 def on_own_joints(outfit: Outfit, joints: OwnJoints) -> Outfit:
     """The outfit of a character on the joints of its file: those of ours that one of them moves are one.
 
-    The body keeps its surface; it has no proxies and no appearance any more.
+    The body keeps its surface, and the joints our names, by which roles are told; it has no proxies and no
+    appearance any more.
     """
 
     def merged(weights: Tensor) -> Tensor:
@@ -26,7 +27,7 @@ def on_own_joints(outfit: Outfit, joints: OwnJoints) -> Outfit:
 
     body = replace(
         outfit.body,
-        skeleton=joints.skeleton,
+        skeleton=replace(joints.skeleton, names=joints.names),
         weights=merged(outfit.body.weights),
         proxies={},
         appearance=None,

@@ -3,15 +3,14 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
-from uvcloth.files.reading import read_content
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.garment import Garment
+from uvcloth.garments.numbered import numbered
 from uvcloth.garments.shells import joint_of
 
 PIN_SETS = ("band", "waist", "neck", "none")
@@ -33,7 +32,13 @@ def pinned(garments: Sequence[Garment], body: Body, names: Sequence[str]) -> Ten
         if name in PIN_SETS:
             pins = torch.cat([_place(garment, body, name) for garment in garments])
         else:
-            pins = _listed(Path(name), count, outfit)
+            path = Path(name)
+            if not path.is_file():
+                places = ", ".join(PIN_SETS)
+                raise InputError(
+                    f"--pins {path}: neither a readable file of vertex numbers nor one of {places}"
+                )
+            pins = numbered(path, count, outfit)
         if not pins.any():
             raise InputError(f"--pins {name}: names no vertex of {outfit}")
         held |= pins
@@ -45,23 +50,3 @@ def _place(garment: Garment, body: Body, place: str) -> Tensor:
     middle = 0.5 * float(joint_of(body, "hips")[2] + joint_of(body, "left_upper_arm")[2])
     low = garment.mesh.vertices[:, 2] < middle
     return {"band": band, "waist": band & low, "neck": band & ~low}[place]
-
-
-def _listed(path: Path, count: int, outfit: str) -> Tensor:
-    try:
-        text = read_content(path).decode("utf-8-sig")
-    except InputError as error:
-        places = ", ".join(PIN_SETS)
-        raise InputError(
-            f"--pins {path}: neither a readable file of vertex numbers nor one of {places}"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: expected vertex numbers in UTF-8") from error
-    try:
-        numbers = np.array(text.split(), dtype=np.int64)
-    except (ValueError, OverflowError) as error:
-        raise InputError(f"{path}: expected vertex numbers, {str(error)[:80]!r}") from error
-    if len(numbers) and not 0 <= numbers.min() <= numbers.max() < count:
-        wrong = int(numbers[(numbers < 0) | (numbers >= count)][0])
-        raise InputError(f"{path}: vertex {wrong} is not one of the {count} of {outfit}")
-    return torch.zeros(count, dtype=torch.bool).index_fill(0, torch.from_numpy(numbers), True)

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
-from uvcloth.geometry.mesh import WeldedMesh, edge_lengths, neighbour_average, unique_edges, welded
+from uvcloth.geometry.mesh import Mesh, WeldedMesh, edge_lengths, neighbour_average, unique_edges, welded
 from uvcloth.physics.shell import Shell
 from uvcloth.physics.strain_limiter import StrainLimiter
 from uvcloth.physics.surface import BodySurface, SurfacePoints
@@ -102,7 +102,7 @@ def untangle(garments: Sequence[Garment], body: Body) -> Untangled:
         return Untangled(tuple(garments), ())
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
     pieces = [_Piece(welded(garment.mesh.vertices, garment.mesh.faces)) for garment in garments]
-    if not any(_crosses(pieces[:place], piece, surface) for place, piece in enumerate(pieces)):
+    if not any(bool(_crossing(pieces[:place], piece, surface).any()) for place, piece in enumerate(pieces)):
         return Untangled(tuple(garments), ())
     for turn in range(ROUNDS + FINAL_ROUNDS):
         for place, piece in enumerate(pieces[1:], 1):
@@ -117,11 +117,17 @@ def untangle(garments: Sequence[Garment], body: Body) -> Untangled:
     return Untangled(finished, tuple(text for text in texts if text))
 
 
-def _crosses(beneath: Sequence[_Piece], piece: _Piece, surface: BodySurface) -> bool:
-    """True if a garment lies below one that is worn beneath it."""
+def crossing(meshes: Sequence[Mesh], surface: BodySurface) -> tuple[Tensor, ...]:
+    """Masks (N,) of the vertices of each mesh that lie below one before it, which is worn beneath it."""
+    pieces = [_Piece(welded(mesh.vertices, mesh.faces)) for mesh in meshes]
+    masks = (_crossing(pieces[:place], piece, surface) for place, piece in enumerate(pieces))
+    return tuple(mask[piece.mesh.places] for mask, piece in zip(masks, pieces, strict=True))
+
+
+def _crossing(beneath: Sequence[_Piece], piece: _Piece, surface: BodySurface) -> Tensor:
+    """Mask (U,) of the points of a garment that lie below one that is worn beneath it."""
     skin = surface.closest(piece.points)
-    ends = _ends(beneath, skin)
-    return bool((ends > skin.signed_distance[:, None]).any())
+    return (_ends(beneath, skin) > skin.signed_distance[:, None]).any(1)
 
 
 def _move_out(beneath: Sequence[_Piece], piece: _Piece, surface: BodySurface, evened: bool) -> None:

@@ -55,11 +55,16 @@ def run_command(program: str, command: Callable[[], None]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return UNREAD
     except OSError as error:
-        if error.errno not in REFUSED_BY_THE_SYSTEM:
-            raise
-        place = f"{error.filename}: " if error.filename else ""
-        return _report(program, f"{place}cannot be written or read ({error.strerror})", BAD_INPUT)
+        return _report(program, refusal(error), BAD_INPUT)
     return 0
+
+
+def refusal(error: OSError) -> str:
+    """Say in one sentence that a disk is full, or that the system refuses. Raises any other error again."""
+    if error.errno not in REFUSED_BY_THE_SYSTEM:
+        raise error
+    place = f"{error.filename}: " if error.filename else ""
+    return f"{place}cannot be written or read ({error.strerror})"
 
 
 def _print_any_name() -> None:

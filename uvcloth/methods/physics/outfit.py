@@ -112,6 +112,12 @@ def _caged_sections(
             for each, band in zip(garments, bands, strict=True)
         ]
     )
+    for each, garment in zip(garments, outfit.garments, strict=True):
+        if not held[each.rows].any():
+            raise InputError(
+                f"garment {garment.name}: what holds it up falls between the vertices of its cage; hold it "
+                "by more, or choose a finer quality"
+            )
     mass = torch.cat(
         [torch.full((len(each.cage_weights),), band.mass) for each, band in zip(garments, bands, strict=True)]
     )

@@ -1,0 +1,35 @@
+"""Options of `rest`, which `uvcloth serve` runs: how garments lie on a character before they are baked."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
+
+from uvcloth.commands.options import CHARACTERS, FromBody, GarmentPose, Holds, Tucks
+from uvcloth.files.options import NewFile, Several, Source
+from uvcloth.physics.fabric import FabricName
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Say how garment files on a character are moved before they are baked, and write it as arrays."""
+
+    garment: Annotated[tuple[str, ...], arg(metavar="FILE ..."), Source(), Several(least=1)]
+    """Garment files in the axes, the unit and the bind pose of the character, the innermost first."""
+    body: Annotated[Path, Source(CHARACTERS)]
+    """A rigged character."""
+    out: Annotated[Path, NewFile((".npz",))]
+    """File to write: per garment NAME.vertices as the character's file has them, and the masks NAME.inside,
+    NAME.beneath and NAME.left."""
+    tuck: Tucks = ()
+    hold: Holds = ()
+    garment_pose: GarmentPose = None
+    from_body: FromBody = None
+    fabric: tuple[FabricName, ...] = ()
+
+    def run(self) -> None:
+        """Write the file and say what is in it. Raises InputError for bad input."""
+        from uvcloth.commands.rest_file import rest
+
+        print("\n".join(rest(self)))
