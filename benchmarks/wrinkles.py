@@ -14,6 +14,7 @@ which waves of 20 to 80 mm get their true size on validation. finer cage: the sa
 of 30 mm.
 """
 
+import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -39,7 +40,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.physics.surface import closest_points
 from uvcloth.process.command import run_command
 from uvcloth.wrinkles.inputs import input_maps
-from uvcloth.wrinkles.model import Wrinkles, lagged, load_wrinkles
+from uvcloth.wrinkles.model import Wrinkles, load_wrinkles
 from uvcloth.wrinkles.sheet import Sheet
 
 FIRST = 15
@@ -321,7 +322,7 @@ class WrinklesBenchmark:
 
 
 def as_shown(sheet: Sheet, make: Maker, lag: float) -> Maker:
-    """What is made, with a lag, s, and smoothed, as `WrinkledGarment` shows it but for its gain."""
+    """What is made, with a lag, s, and smoothed, as the runtime shows it but for its gain."""
     mesh = sheet.refined.mesh
     average = neighbour_average(mesh.faces, len(mesh.vertices)).float().to_sparse_csr()
 
@@ -334,6 +335,11 @@ def as_shown(sheet: Sheet, make: Maker, lag: float) -> Maker:
         return (0.5 * (rough + smooth)).transpose(0, 1)
 
     return shown
+
+
+def lagged(before: Tensor, now: Tensor, fps: float, lag: float) -> Tensor:
+    """Values that follow new ones, now, from those of the frame before with a lag, s."""
+    return now if lag == 0.0 else now + math.exp(-1.0 / (fps * lag)) * (before - now)
 
 
 def multiplied(gain: float, make: Maker) -> Maker:

@@ -1,4 +1,4 @@
-"""Processor time of a frame of a T-shirt: cages, wrinkles, and the parts of wrinkles; one thread.
+"""Processor time of a frame of a T-shirt: cages, and wrinkles; one thread.
 
     python benchmarks/wrinkles_cost.py RUN
 
@@ -25,11 +25,9 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
-from uvcloth.physics.surface import BodySurface
 from uvcloth.process.command import run_command
 from uvcloth.rollout import PreparedRollout, prepare_rollout
-from uvcloth.wrinkles.inputs import FARTHEST, first_past, input_maps, texel_inputs
-from uvcloth.wrinkles.model import SHIPPED, WrinkledGarment, load_wrinkles
+from uvcloth.wrinkles.model import SHIPPED, load_wrinkles
 from uvcloth.wrinkles.outfit import WrinkledOutfit
 
 ROUNDS = 5
@@ -66,25 +64,6 @@ def main(run: tyro.conf.Positional[Path], model: Path = SHIPPED) -> None:
             dressed.shown((vertices,), skin, tracked.fps)
 
     shown("wrinkles", wrinkled, len(tracked))
-    sheet = WrinkledGarment(wrinkles, garment).sheet
-    points, surface = coarse[0, sheet.refined.kept], BodySurface(posed[0], body.mesh.faces)
-    past, near = first_past(sheet, points), surface.closest(points, FARTHEST)
-    rows, axes, _ = texel_inputs(sheet, points, past, tracked.fps, near.signed_distance)
-    maps, local = input_maps(sheet, rows[None]), torch.zeros(len(axes), 3, 4)
-    parts: dict[str, Callable[[], Any]] = {
-        "distance to the skin": lambda: surface.closest(points, FARTHEST),
-        "inputs": lambda: texel_inputs(sheet, points, past, tracked.fps, near.signed_distance),
-        "padding": lambda: input_maps(sheet, rows[None]),
-        "network": lambda: wrinkles.net(maps),
-        "back to vertices": lambda: sheet.at_vertices(axes @ local),
-    }
-    for name, part in parts.items():
-
-        def repeated(part: Callable[[], Any] = part) -> None:
-            for _ in range(20):
-                part()
-
-        shown(f"of these: {name}", repeated, 20)
 
 
 if __name__ == "__main__":

@@ -20,12 +20,13 @@ from train.wrinkles.frames import FineTexels, run_files, run_frames
 from train.wrinkles.tracked_runs import LED_IN, coarse_garment, load_run
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.physics.outfit_clearing import OutfitClearing
-from uvcloth.physics.surface import BodySurface
 from uvcloth.process.command import run_command
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
-from uvcloth.wrinkles.model import WrinkledGarment, load_wrinkles
+from uvcloth.wrinkles.model import load_wrinkles
+from uvcloth.wrinkles.outfit import WrinkledOutfit
 from uvcloth.wrinkles.sheet import Sheet
 
 RAKING = np.array([-1.0, 0.05, 0.35], np.float32)
@@ -51,8 +52,8 @@ def main(
     mesh = sheet.refined.mesh
     clearing = OutfitClearing.of(body, [mesh])
     places = FineTexels(garment, sheet)
-    networks = [WrinkledGarment(load_wrinkles(folder, body), garment) for folder in models]
-    skin = BodySurface(body.mesh.vertices, body.mesh.faces)
+    outfit, loaded = Outfit(body, (garment,)), [load_wrinkles(folder, body) for folder in models]
+    networks = [WrinkledOutfit(each, outfit, [garment.mesh], each.config.quality) for each in loaded]
     rows: list[list[np.ndarray]] = [[] for _ in range(len(networks) + 2 + finer)]
     for column, path in enumerate(run_files([data], split)):
         run = load_run(path)
@@ -63,8 +64,7 @@ def main(
         for wrinkled in networks:
             wrinkled.begin()
             for now in range(max(0, frame - LED_IN), frame + 1):
-                skin.update(posed[now])
-                made = wrinkled.wrinkled(run.coarse[now + 2], run.fps, skin)
+                (made,) = wrinkled.shown((run.coarse[now + 2],), posed[now], run.fps)
             shown.append(made)
         if finer:
             moved = coarse_garment(garment, body, run.transforms.double(), run.fps, "fine")

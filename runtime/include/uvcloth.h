@@ -119,6 +119,28 @@ UVC_API void uvc_cover(const uvc_clearing *clearing, float *cloth, const float *
  * turns: times that each is moved; after all but the last one neighbours follow. */
 UVC_API void uvc_lift(const uvc_clearing *clearing, float *cloth, float clearance, int turns);
 
+/* --- Wrinkles: folds on finer meshes, which a network makes ---------------------------------------------- */
+
+/* A network and the garments that it makes wrinkles on, P points and n vertices of finer meshes in all. Immutable:
+ * any number of threads may use it. */
+typedef struct uvc_wrinkles uvc_wrinkles;
+
+/* Reads wrinkles, as uvc_read_clearing reads an outfit. */
+UVC_API uvc_wrinkles *uvc_read_wrinkles(const void *bytes, size_t size, char *message, size_t room);
+UVC_API void uvc_free_wrinkles(uvc_wrinkles *wrinkles);
+
+/* Number n of vertices. */
+UVC_API int uvc_wrinkled_vertices(const uvc_wrinkles *wrinkles);
+
+/* Bytes of the memory from frame to frame, which the caller brings, and what it is before the first frame. */
+UVC_API size_t uvc_wrinkle_memory(const uvc_wrinkles *wrinkles);
+UVC_API void uvc_begin_wrinkles(const uvc_wrinkles *wrinkles, void *memory);
+
+/* Sets vertices (n), with wrinkles, of the garments at points (P) on a body with skin (V), `seconds` after the
+ * frame before; all frames are around one origin. */
+UVC_API void uvc_wrinkle(const uvc_wrinkles *wrinkles, void *memory, const float *points, const float *skin,
+                         double seconds, float *vertices);
+
 /* --- The solver: cloth moves through a frame ------------------------------------------------------------- */
 
 /* Cloth and the body that it collides with. Immutable: any number of threads may use it. */

@@ -201,8 +201,9 @@ void accept(Character &character, Next &next) {
     character.solved++;
 }
 
-// Carries the points along with the cages, around the origin of `posed`, and clears them.
-void carry(Character &character) {
+// Carries the points along with the cages, around the origin of `posed`, and clears them; makes wrinkles in a
+// frame of so many seconds.
+void carry(Character &character, float seconds) {
     const Outfit &outfit = character.outfit;
     const Posed &posed = character.posed;
     Arena &work = character.scratch;
@@ -227,7 +228,11 @@ void carry(Character &character) {
         find_points_over(outfit, character.contact.points.items, character.positions.data, work);
     lift(outfit.clearing.layers, outfit.clearing.rings, over, points.data, CLEARANCE, 1, work);
     for (Vec &point : points) point = outfit.size * point;
+    Vec way = narrow(posed.origin - character.shown_origin);
     character.shown_origin = posed.origin;
+    if (outfit.wrinkles.garments.size)
+        wrinkle(outfit.wrinkles, character.folds, points.data, posed.skin.data, seconds, way,
+                character.wrinkled.data, work);
 }
 
 bool is_near(double number) { return __builtin_fabs(number) <= FARTHEST; }
@@ -261,12 +266,18 @@ bool jumps(const Character &character, const Rigid &root, float seconds) {
     return !(__builtin_sqrt(dot(way, way)) <= JUMP_SPEED * seconds && angle <= JUMP_TURN * seconds);
 }
 
+// Forgets what clearing and wrinkles know of the frame before.
+void forget_shown(Character &character) {
+    begin(character.outfit.clearing, character.memory);
+    begin(character.outfit.wrinkles, character.folds);
+}
+
 void forget(Character &character) {
     const Outfit &outfit = character.outfit;
     int rows = outfit.solver.collider.parts * character.positions.size;
     for (int k = 0; k < rows; k++) character.searched.faces[k] = -1;
     for (int k = 0; k < rows; k++) character.searched.clear[k] = 0;
-    begin(outfit.clearing, character.memory);
+    forget_shown(character);
     character.contact.points.clear();
     character.contact.edges.clear();
     character.steps = character.solved = 0;
@@ -285,7 +296,9 @@ Character::Character(const Outfit &outfit)
     body = arena.take<Vec>(outfit.used.size);
     shown = arena.take<Vec>(outfit.points.vertices());
     searched = {arena.take<int32_t>(rows).data, arena.take<float>(rows).data};
+    wrinkled = arena.take<Vec>(outfit.wrinkles.vertices);
     memory = lay_out(outfit.clearing, arena.take<uint8_t>((int)memory_size(outfit.clearing)).data);
+    folds = lay_out(outfit.wrinkles, arena.take<uint8_t>((int)memory_size(outfit.wrinkles)).data);
     posed = make_posed(outfit, arena);
     opening = make_opening_work(outfit.opening, arena);
     fabrics = arena.take<Fabric>(outfit.garments());
@@ -344,9 +357,9 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
             energy = 0;
         }
     }
-    carry(character);
-    // Clearing starts anew with the first frame, as it does where nothing was shown before.
-    begin(character.outfit.clearing, character.memory);
+    carry(character, SETTLING_SECONDS);
+    // These start anew with the first frame, as they do where nothing was shown before.
+    forget_shown(character);
     character.is_started = true;
     return true;
 }
@@ -386,7 +399,8 @@ bool step(Character &character, const Rigid *joints, float seconds, Failure &fai
     accept(character, next);
     character.spin = heading_between(character.root, transforms[0]) / seconds;
     character.root = transforms[0];
-    carry(character);
+    if (is_jump) begin(character.outfit.wrinkles, character.folds);
+    carry(character, seconds);
     // The run that a clip may start in is not known before a frame without a jump.
     if (!is_jump || character.steps != 1) character.steps++;
     return true;

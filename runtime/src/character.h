@@ -27,8 +27,9 @@ struct Fabric {
 // fabrics: (G); material: what they make of the outfit's; needed: substeps a second. origin: mean of the
 // cages' targets, m; drift: m/s, its velocity. positions, m, and velocities, m/s, of the cloth (n), targets
 // (n) and collider (C) are around that origin. memory: of the clearing. shown: (U) points around
-// shown_origin; `posed` is of the last pose that was asked for, shown of the last that the cloth could
-// follow. fabric_memory: of a changed material; scratch: for a frame.
+// shown_origin, and wrinkled: vertices of garments with wrinkles, of which folds is the memory; `posed` is of
+// the last pose that was asked for, shown of the last that the cloth could follow. fabric_memory: of a changed
+// material; scratch: for a frame.
 struct Character {
     const Outfit &outfit;
     bool is_started;
@@ -42,10 +43,11 @@ struct Character {
     Material material;
     float needed;
     Array<Vec64> guide;
-    Array<Vec> positions, velocities, targets, body, shown;
+    Array<Vec> positions, velocities, targets, body, shown, wrinkled;
     Searched searched;
     SelfContact contact;
     ClearingMemory memory;
+    WrinkleMemory folds;
     Posed posed;
     OpeningWork opening;
     Arena arena, fabric_memory, scratch;

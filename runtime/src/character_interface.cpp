@@ -47,7 +47,7 @@ int uvc_joints(const uvc_outfit *outfit) { return outfit->data.skeleton.parents.
 int uvc_garments(const uvc_outfit *outfit) { return outfit->data.garments(); }
 
 int uvc_garment_vertices(const uvc_outfit *outfit, int garment) {
-    return outfit->data.shown_starts[garment + 1] - outfit->data.shown_starts[garment];
+    return outfit->data.vertices(garment);
 }
 
 uvc_cloth *uvc_new(const uvc_outfit *outfit) { return uvc::make<uvc_cloth>(outfit->data); }
@@ -114,10 +114,14 @@ void uvc_cage_vertices(const uvc_cloth *cloth, double *vertices) {
 void uvc_vertices(const uvc_cloth *cloth, int garment, double *vertices) {
     const uvc::Character &character = cloth->data;
     const uvc::Outfit &outfit = character.outfit;
-    int first = outfit.shown_starts[garment], count = outfit.shown_starts[garment + 1] - first;
+    int first = outfit.shown_starts[garment], count = outfit.vertices(garment);
+    const uvc::WrinkledGarment *folded = outfit.wrinkled(garment);
     uvc::Vec64 *places = reinterpret_cast<uvc::Vec64 *>(vertices);
-    for (int k = 0; k < count; k++)
-        places[k] = uvc::wide(character.shown[outfit.shown[first + k]]) + character.shown_origin;
+    for (int k = 0; k < count; k++) {
+        uvc::Vec place = folded ? character.wrinkled[folded->vertices + k]
+                                : character.shown[outfit.shown[first + k]];
+        places[k] = uvc::wide(place) + character.shown_origin;
+    }
     uvc::bring_back(character.place, places, count);
 }
 

@@ -114,6 +114,17 @@ Array<int32_t> find_hems(const Outfit &outfit, Arena &arena) {
 
 }  // namespace
 
+const WrinkledGarment *Outfit::wrinkled(int garment) const {
+    for (const WrinkledGarment &one : wrinkles.garments)
+        if (one.garment == garment) return &one;
+    return nullptr;
+}
+
+int Outfit::vertices(int garment) const {
+    const WrinkledGarment *one = wrinkled(garment);
+    return one ? one->sheet.vertices() : shown_starts[garment + 1] - shown_starts[garment];
+}
+
 void read_outfit(const Sections &stored, Outfit &outfit, Failure &failure) {
     Arena work, &arena = outfit.arena;
     Sections sections = stored;
@@ -148,6 +159,7 @@ void read_outfit(const Sections &stored, Outfit &outfit, Failure &failure) {
     outfit.shown_starts =
         read_starts(sections, "outfit.shown_starts", garments, outfit.shown.size, arena, failure);
     check_sizes(outfit, failure);
+    if (has_wrinkles(sections)) outfit.wrinkles = read_wrinkles(sections, arena, failure);
     if (failure.failed) return;
     outfit.cage_garments = find_cage_garments(outfit, arena);
     outfit.hems = find_hems(outfit, arena);

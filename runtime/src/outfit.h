@@ -7,6 +7,7 @@
 #include "skeleton.h"
 #include "skinning.h"
 #include "solver.h"
+#include "wrinkles.h"
 
 namespace uvc {
 
@@ -33,7 +34,8 @@ struct SolverSettings {
 // their borders are far from it at rest; empty where none is. starts: (G + 1) first point of each garment.
 // shapes: (9 (J - 1), V, 3) m, offsets of the body at rest for each number of the joints' turns from those of
 // their parents, less one; none for most bodies.
-// shown_starts: (G + 1) first shown vertex of each garment, and shown: the point that each lies at.
+// shown_starts: (G + 1) first shown vertex of each garment, and shown: the point that each lies at. Garments
+// with wrinkles are shown on finer meshes instead.
 struct Outfit {
     float size;
     Skeleton skeleton;
@@ -43,17 +45,23 @@ struct Outfit {
     Solver solver;
     Clearing clearing;
     SolverSettings settings;
+    Wrinkles wrinkles;
     Array<int32_t> used, cage_starts, cage, cage_garments, hems, starts, shown_starts, shown;
     Array<float> cage_weights, hold, shapes;
     Arena arena;
 
     int garments() const { return starts.size - 1; }
+    // The wrinkles of a garment, null for none.
+    const WrinkledGarment *wrinkled(int garment) const;
+    // Number of vertices that are shown of a garment.
+    int vertices(int garment) const;
 };
 
-// Reads what `derive_sections`, `read_skeleton`, `read_caps`, `read_opening`, `read_solver` and `read_clearing`
-// do, skins named "body", "cages" and "points", and the arrays above as "outfit.size", "outfit.used",
-// "outfit.hold", "outfit.shapes", "outfit.shown_starts", "outfit.shown", "follow.starts",
-// "follow.cage", the shares "follow.weights", and "settings.needed" to "settings.hinge_interval".
+// Reads what `derive_sections`, `read_skeleton`, `read_caps`, `read_opening`, `read_solver`, `read_clearing`
+// and, where there are any, `read_wrinkles` do, skins named "body", "cages" and "points", and the arrays above
+// as "outfit.size", "outfit.used", "outfit.hold", "outfit.shapes", "outfit.shown_starts", "outfit.shown",
+// "follow.starts", "follow.cage", the shares "follow.weights", and "settings.needed" to
+// "settings.hinge_interval".
 void read_outfit(const Sections &stored, Outfit &outfit, Failure &failure);
 
 }  // namespace uvc

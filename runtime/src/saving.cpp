@@ -58,6 +58,10 @@ void walk_over(Character &character, Walk &walk) {
     walk.all(Array<int32_t>{character.searched.faces, rows});
     walk.all(Array<float>{character.searched.clear, rows});
     walk.over(character.memory.frame, memory_size(character.outfit.clearing));
+    if (character.wrinkled.size) {
+        walk.over(character.folds.frames, memory_size(character.outfit.wrinkles));
+        walk.all(character.wrinkled);
+    }
     walk.all(character.contact.points.items);
     walk.all(character.contact.edges.items);
 }
@@ -116,6 +120,7 @@ bool is_whole(const Character &c) {
     for (Vec64 point : c.guide) all = all && is_finite(point);
     all = all && are_finite(c.positions) && are_finite(c.velocities) && are_finite(c.targets);
     all = all && are_finite(c.body) && are_finite(c.shown);
+    all = all && are_finite(c.wrinkled) && is_whole(outfit.wrinkles, c.folds);
     all = all && are_finite({c.memory.cloth, c.shown.size}) && are_finite({c.memory.body, c.body.size});
     int rows = collider.parts * c.positions.size, cleared_rows = cleared.parts * c.shown.size;
     all = all && are_indices(c.searched.faces, rows, -1, collider.surface.faces.size);

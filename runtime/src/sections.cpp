@@ -200,6 +200,11 @@ void derive(Sections &sections, const char *name, Array<int32_t> numbers, int co
     add_derived(sections, {name, false, numbers.size / columns, columns, numbers.data});
 }
 
+bool has_section(const Sections &sections, const char *name) {
+    Entry entry;
+    return find(sections, name, entry);
+}
+
 Array<float> read_floats(const Sections &sections, const char *name, int rows, int columns, Arena &arena,
                          Failure &failure) {
     Array<int32_t> bits = read(sections, name, true, rows, columns, arena, failure);

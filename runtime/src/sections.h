@@ -43,6 +43,9 @@ Sections read_sections(const void *bytes, size_t size, Failure &failure);
 void derive(Sections &sections, const char *name, Array<float> numbers, int columns);
 void derive(Sections &sections, const char *name, Array<int32_t> numbers, int columns);
 
+// Whether there is a section of a name.
+bool has_section(const Sections &sections, const char *name);
+
 // Copies a section, of `columns` numbers a row, into an arena. Floats have to be finite. A section that is
 // absent, of another type, or not of `rows` rows (if that is not -1) is a failure, and an empty array.
 Array<float> read_floats(const Sections &, const char *name, int rows, int columns, Arena &, Failure &);

@@ -1,5 +1,6 @@
 #include "skinning.h"
 
+#include "section_name.h"
 #include "shares.h"
 
 namespace uvc {
@@ -30,28 +31,16 @@ UVC_INLINE Vec apply(const Transform &transform, Row4 point) {
     return {xy[0] + xy[2], xy[1] + xy[3], zz[0] + zz[1]};
 }
 
-// Name of a section: a prefix and an end.
-struct Name {
-    char text[32];
-
-    Name(const char *prefix, const char *end) {
-        const char *parts[] = {prefix, end};
-        size_t size = 0;
-        for (const char *part : parts)
-            for (; *part && size + 1 < sizeof(text); part++) text[size++] = *part;
-        text[size] = 0;
-    }
-};
-
 }  // namespace
 
 Skin read_skin(const Sections &sections, const char *prefix, int joints, Arena &arena, Failure &failure) {
     Skin skin;
-    skin.rest = read_floats(sections, Name(prefix, ".rest").text, -1, 3, arena, failure);
-    skin.joints = read_indices(sections, Name(prefix, ".joints").text, -1, 1, 0, joints, arena, failure);
-    skin.starts = read_starts(sections, Name(prefix, ".starts").text, skin.vertices(), skin.joints.size, arena,
-                              failure);
-    skin.weights = read_shares(sections, Name(prefix, ".weights").text, skin.starts, arena, failure);
+    SectionName rest(prefix, ".rest"), starts(prefix, ".starts"), weights(prefix, ".weights");
+    skin.rest = read_floats(sections, rest.text, -1, 3, arena, failure);
+    skin.joints =
+        read_indices(sections, SectionName(prefix, ".joints").text, -1, 1, 0, joints, arena, failure);
+    skin.starts = read_starts(sections, starts.text, skin.vertices(), skin.joints.size, arena, failure);
+    skin.weights = read_shares(sections, weights.text, skin.starts, arena, failure);
     return failure.failed ? Skin{} : skin;
 }
 

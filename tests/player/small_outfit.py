@@ -1,11 +1,12 @@
 """The smallest outfit with all that a baked one may have: runtime/tests/test_outfit.cpp makes mutants of it.
 
-Three balls are trunk and thighs, open where they are cut; two tubes of cloth hang around them, one over the
-other. `python -m tests.player.small_outfit OUTFIT MOTION` writes both as plain bytes.
+Three balls are trunk and thighs, open where they are cut; two tubes of cloth with wrinkles hang around them,
+one over the other. `python -m tests.player.small_outfit OUTFIT MOTION` writes both as plain bytes.
 """
 
 import sys
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -14,6 +15,7 @@ import trimesh
 from numpy.typing import NDArray
 from torch import Tensor
 
+from tests.wrinkles.small_network import made_up_wrinkles
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Garment, Outfit
@@ -22,6 +24,9 @@ from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.methods.physics.bake import STEPS
 from uvcloth.methods.physics.outfit import PhysicsConfig, _caged_sections
 from uvcloth.player.sections import pack
+from uvcloth.wrinkles.bake import wrinkle_sections, wrinkle_steps
+from uvcloth.wrinkles.network import WrinkleConfig
+from uvcloth.wrinkles.sheet import Sheet
 
 TRUNK, LEFT, RIGHT = (0.0, 0.0, 0.62), (0.095, 0.0, 0.3), (-0.095, 0.0, 0.3)
 """Middles of the balls, m."""
@@ -73,7 +78,7 @@ def small_outfit() -> bytes:
     with patch.dict(QUALITIES, coarse=COARSE):
         _, sections = _caged_sections(Outfit(body, garments), PhysicsConfig("coarse"), rounded=True)
     covered = {name: array[::FEW] for name, array in sections.items() if name.startswith("covered.")}
-    return pack(sections | covered, STEPS)
+    return pack(sections | covered | _wrinkles(garments), STEPS | wrinkle_steps(len(garments)))
 
 
 def small_motion(frames: int = 6) -> NDArray[np.float64]:
@@ -86,6 +91,14 @@ def small_motion(frames: int = 6) -> NDArray[np.float64]:
         motion[frame, 1, :, 3] = head - turn @ head
         motion[frame, :, 2, 3] += 0.01 * frame
     return motion
+
+
+def _wrinkles(garments: tuple[Garment, ...]) -> dict[str, NDArray[Any]]:
+    """The wrinkles of a network of 8 x 8 texels on three levels."""
+    made = made_up_wrinkles(WrinkleConfig(size=16, width=2, levels=3))
+    sheets = [Sheet.of(garment, made.config.size) for garment in garments]
+    free = [torch.linspace(0.0, 1.0, len(sheet.mesh.points)) for sheet in sheets]
+    return wrinkle_sections(made.config, made.net, sheets, range(len(sheets)), free)
 
 
 def _ball(middle: tuple[float, float, float], radii: tuple[float, float, float]) -> tuple[Tensor, Tensor]:
@@ -108,7 +121,15 @@ def _tube(name: str, body: Body, wider: float) -> Garment:
     lower = ((0.5 - vertices[:, 2]) / 0.3).clamp(0.0, 1.0)
     left = (0.5 + vertices[:, 0] / 0.3).clamp(0.0, 1.0)
     weights = torch.stack([1.0 - lower, lower * left, lower * (1.0 - left), torch.zeros_like(left)], 1)
-    return Garment(name, None, Mesh(vertices, faces, vertices[:, :2], faces), weights, weights)
+    # The tube is cut open along a line, where the last column of the texture meets the first.
+    columns = torch.cartesian_prod(
+        torch.arange(float(ROWS)) / ROWS, torch.arange(AROUND + 1.0) / (AROUND + 1)
+    )
+    cut = torch.where(
+        (column == AROUND - 1).repeat(2)[:, None] & (faces % AROUND == 0), AROUND, faces % AROUND
+    )
+    face_uvs = (AROUND + 1) * (faces // AROUND) + cut
+    return Garment(name, None, Mesh(vertices, faces, columns, face_uvs), weights, weights)
 
 
 if __name__ == "__main__":

@@ -50,5 +50,25 @@ def test_the_garment_that_is_left_moves_alone(both: bytes) -> None:
     assert 0.0 < apart.max() < 0.02
 
 
+@pytest.mark.parametrize("worn", [(0,), (1,)])
+def test_what_is_left_keeps_its_wrinkles(both: bytes, worn: tuple[int, ...]) -> None:
+    old, _ = unpack(both)
+    content = without_others(both, worn)
+    new, steps = unpack(content)
+    np.testing.assert_array_equal(new["wrinkles.garments"], [0])
+    np.testing.assert_array_equal(new["wrinkles0.texels"], old[f"wrinkles{worn[0]}.texels"])
+    np.testing.assert_array_equal(new["wrinkles.weights"], old["wrinkles.weights"])
+    assert not any(name.startswith("wrinkles1.") for name in (*new, *steps))
+
+
+def test_without_garments_that_have_wrinkles_there_is_no_network(both: bytes) -> None:
+    sections, steps = unpack(both)
+    sections["wrinkles.garments"] = sections["wrinkles.garments"][:1]
+    one = {name: array for name, array in sections.items() if not name.startswith("wrinkles1.")}
+    content = without_others(pack(one, {name: step for name, step in steps.items() if name in one}), (1,))
+    assert not any(name.startswith("wrinkles") for name in unpack(content)[0])
+    assert Outfit(content).garments == (7 * 12,)
+
+
 def test_all_garments_are_the_same_bytes(both: bytes) -> None:
     assert without_others(both, (0, 1)) == both

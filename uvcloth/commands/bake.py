@@ -8,6 +8,7 @@ from tyro.conf import arg
 
 from uvcloth.commands.options import (
     CHARACTERS,
+    FOLDER,
     MOTION,
     Fabrics,
     FromBody,
@@ -19,6 +20,7 @@ from uvcloth.commands.options import (
     Quality,
     Tucks,
 )
+from uvcloth.errors import InputError
 from uvcloth.files.options import NewFile, Source
 from uvcloth.motion.options import MotionOptions
 
@@ -44,6 +46,15 @@ class Bake:
     ] = None
     """A motion file or the name of a built-in clip, which becomes the first animation of the file."""
     quality: Quality = "default"
+    wrinkles: bool = False
+    """Add wrinkles that the solver's faces are too large for, on finer meshes, to garments that a network was
+    trained on."""
+    wrinkles_from: Annotated[
+        Path | None,
+        arg(metavar="RUN", help_behavior_hint="(default: the network in the package)"),
+        FOLDER,
+    ] = None
+    """Folder of `uvcloth train wrinkles` whose network makes the wrinkles."""
     tuck: Tucks = ()
     hold: Holds = ()
     garment_pose: GarmentPose = None
@@ -55,6 +66,8 @@ class Bake:
 
     def run(self) -> None:
         """Write the file and say what is in it. Raises InputError for bad input."""
+        if self.wrinkles_from and not self.wrinkles:
+            raise InputError("--wrinkles-from: goes with --wrinkles")
         from uvcloth.commands.bake_file import bake
 
         print("\n".join(bake(self).lines()))

@@ -1,5 +1,6 @@
 """Baked files: a character and its outfit, for viewers and for the runtime."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,11 +22,14 @@ from uvcloth.export.writer import require_own_names
 from uvcloth.files.atomic import atomic_write
 from uvcloth.formats.gltf import read_gltf
 from uvcloth.garments.band import unheld_reason
+from uvcloth.garments.garment import Outfit
 from uvcloth.garments.own_joints import on_own_joints
 from uvcloth.methods.physics.outfit import PhysicsConfig, bake_outfit
 from uvcloth.motion.lead_in import pose_from_rest
 from uvcloth.motion.library import load_clip
 from uvcloth.player.baked import ClothSkin
+from uvcloth.wrinkles.model import SHIPPED, load_wrinkles
+from uvcloth.wrinkles.outfit import WrinkledSheets
 
 
 @dataclass(frozen=True)
@@ -65,10 +69,13 @@ def bake(command: Bake) -> Baked:
         if command.motion is not None:
             clip = pose_from_rest(load_clip(command.motion, body, command.options), body)
     worn = outfit if joints is None else on_own_joints(outfit, joints)
+    wrinkled = _wrinkled(command, worn, report)
     with console.status(f"{command.out.name} ..."):
-        content = bake_outfit(worn, PhysicsConfig(command.quality))
+        sections, steps = ({}, {}) if wrinkled is None else (wrinkled.sections(), wrinkled.steps)
+        content = bake_outfit(worn, PhysicsConfig(command.quality), sections, steps)
         document, skin = _character(command.body, body, joints)
-        add_cloth(document, skin, worn.garments, content)
+        shown = worn.garments if wrinkled is None else wrinkled.refined()
+        add_cloth(document, skin, shown, content)
         if clip is not None:
             transforms = clip.transforms(torch.float64).numpy()
             if joints is not None:
@@ -78,6 +85,17 @@ def bake(command: Bake) -> Baked:
             document.write(unfinished)
     names = tuple(garment.name for garment in worn.garments)
     return Baked(command.out, names, len(skin.nodes), len(content))
+
+
+def _wrinkled(command: Bake, outfit: Outfit, report: Callable[[str], None]) -> WrinkledSheets | None:
+    """The garments with wrinkles, None for none; says which they are."""
+    if not command.wrinkles:
+        return None
+    wrinkles = load_wrinkles(command.wrinkles_from or SHIPPED, outfit.body)
+    wrinkled = WrinkledSheets.of(wrinkles, outfit, command.quality)
+    for line in wrinkled.lines:
+        report(line)
+    return wrinkled if wrinkled.sheets else None
 
 
 def _character(path: Path | None, body: Body, joints: OwnJoints | None) -> tuple[Document, ClothSkin]:

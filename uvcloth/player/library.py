@@ -17,6 +17,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "uvc_new": (c_void_p, c_void_p),
     "uvc_saved_size": (c_size_t, c_void_p),
     "uvc_clearing_memory": (c_size_t, c_void_p),
+    "uvc_wrinkle_memory": (c_size_t, c_void_p),
     "uvc_make_pairs": (c_void_p,),
     "uvc_stable_step": (c_float, c_void_p, c_void_p, c_void_p),
     "uvc_encode_numbers": (c_int64, c_void_p, c_int64, c_int64, c_int64, c_int64, c_void_p, c_int64),

@@ -25,6 +25,9 @@ OF_HINGES = ("hinges.stiffness", "hinges.rest", "hinges.floors")
 OF_POINTS = ("points.rest", "fine.touches", "fine.thickness", "layers.touches")
 """Sections with a row for each vertex or face of the cages, hinge of these, and point of the garments."""
 
+WRINKLED = "wrinkles.garments"
+"""Section with the garments that have wrinkles, each of which has sections of its own."""
+
 
 def without_others(content: bytes, worn: Sequence[int]) -> bytes:
     """An outfit that the runtime has read, of which only some garments, in their order, are left."""
@@ -76,7 +79,30 @@ def without_others(content: bytes, worn: Sequence[int]) -> bytes:
     pairs = kept[old["layers.outer"]] & kept[old["layers.inner"]]
     for name in ("layers.outer", "layers.inner"):
         sections[name] = np.searchsorted(np.flatnonzero(kept), old[name][pairs])
+    if WRINKLED in old:
+        sections, steps = _with_wrinkles(sections, steps, kept)
     return pack(sections, steps, compressed=True)
+
+
+def _with_wrinkles(
+    sections: dict[str, NDArray[Any]], steps: dict[str, float], kept: NDArray[np.bool_]
+) -> tuple[dict[str, NDArray[Any]], dict[str, float]]:
+    """Sections and steps with the wrinkles of kept garments alone, without a network if there are none."""
+    before = sections[WRINKLED]
+    left = np.flatnonzero(kept[before])
+    prefixes: dict[str, str | None] = {f"wrinkles{index}": None for index in range(len(before))}
+    prefixes |= {f"wrinkles{index}": f"wrinkles{place}" for place, index in enumerate(left.tolist())}
+    prefixes["wrinkles"] = "wrinkles" if len(left) else None
+
+    def renamed(values: dict[str, Any]) -> dict[str, Any]:
+        names = {name: name.partition(".") for name in values}
+        new = {name: prefixes.get(prefix, prefix) for name, (prefix, _, _) in names.items()}
+        return {f"{new[name]}.{names[name][2]}": value for name, value in values.items() if new[name]}
+
+    sections, steps = renamed(sections), renamed(steps)
+    if len(left):
+        sections[WRINKLED] = np.searchsorted(np.flatnonzero(kept), before[left])
+    return sections, steps
 
 
 def _garments_of_cages(sections: dict[str, NDArray[Any]], garment_of_point: Rows) -> Rows:

@@ -1,16 +1,92 @@
-"""Outfits that are shown with wrinkles: garments on finer meshes, displaced, and kept off each other."""
+"""Outfits that are shown with wrinkles: garments on finer meshes, which the runtime displaces."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
+import numpy as np
+import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
+from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
-from uvcloth.garments.garment import Outfit
-from uvcloth.geometry.mesh import Mesh
-from uvcloth.physics.outfit_clearing import FOLLOWING, OutfitClearing
-from uvcloth.physics.surface import BodySurface
-from uvcloth.player.clearing import ClearingMemory
-from uvcloth.wrinkles.model import WrinkledGarment, Wrinkles
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.refined import Refined
+from uvcloth.geometry.mesh import Mesh, join_meshes, neighbour_average
+from uvcloth.physics.layer_thickness import outfit_thickness
+from uvcloth.physics.layers import Layer
+from uvcloth.player.wrinkles import WrinkleMaker
+from uvcloth.wrinkles.bake import wrinkle_sections, wrinkle_steps
+from uvcloth.wrinkles.model import Wrinkles
+from uvcloth.wrinkles.sheet import Sheet
+
+COVER_REACH = 0.06
+"""Metres within which a garment over another one covers it."""
+
+FADING = 4
+"""Times that the border of what is covered is smoothed."""
+
+
+@dataclass(frozen=True)
+class WrinkledSheets:
+    """The garments of an outfit that a network serves, laid out.
+
+    sheets: by the garment's place in the outfit. lines: a sentence on each garment.
+    """
+
+    wrinkles: Wrinkles
+    outfit: Outfit
+    sheets: Mapping[int, Sheet]
+    lines: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls, wrinkles: Wrinkles, outfit: Outfit, quality: str, meshes: Sequence[Mesh] | None = None
+    ) -> "WrinkledSheets":
+        """Lay out the garments that the network serves; the others stay plain, and a line says why.
+
+        quality: of the cages that move the garments. meshes: those that are shown, at rest, if some are moved
+        by proxies.
+        """
+        sheets, lines = dict[int, Sheet](), []
+        for place, garment in enumerate(outfit.garments):
+            reason = wrinkles.unsupported_reason(garment, quality)
+            if not reason and meshes is not None and meshes[place] is not garment.mesh:
+                reason = f"garment {garment.name}: is moved by a proxy, on which there are no wrinkles"
+            if not reason:
+                try:
+                    sheets[place] = Sheet.of(garment, wrinkles.config.size)
+                except InputError as error:
+                    reason = str(error)
+                else:
+                    count = len(sheets[place].refined.mesh.vertices)
+                    lines.append(f"  {garment.name}: wrinkles on {count} vertices")
+            if reason:
+                lines.append(f"  {reason}: it stays plain")
+        return cls(wrinkles, outfit, sheets, tuple(lines))
+
+    def sections(self) -> dict[str, NDArray[Any]]:
+        """The arrays of the network and the sheets, as a baked outfit has them."""
+        garments = self.outfit.garments
+        free = [
+            _free(sheet, [other.mesh for other in garments[place + 1 :]])
+            for place, sheet in self.sheets.items()
+        ]
+        config, net = self.wrinkles.config, self.wrinkles.net
+        return wrinkle_sections(config, net, list(self.sheets.values()), list(self.sheets), free)
+
+    @property
+    def steps(self) -> dict[str, float]:
+        """Steps of these arrays in a file."""
+        return wrinkle_steps(len(self.sheets))
+
+    def refined(self) -> tuple[Garment, ...]:
+        """The garments as they are shown at rest, those with wrinkles on their finer meshes."""
+        return tuple(
+            _on_refined(garment, self.sheets[place].refined) if place in self.sheets else garment
+            for place, garment in enumerate(self.outfit.garments)
+        )
 
 
 class WrinkledOutfit:
@@ -20,55 +96,77 @@ class WrinkledOutfit:
     """
 
     def __init__(self, wrinkles: Wrinkles, outfit: Outfit, meshes: Sequence[Mesh], quality: str) -> None:
-        """Lay out the garments that the network serves; the others stay plain, and a line says why.
+        """Lay out the garments that the network serves, see `WrinkledSheets.of`.
 
-        meshes: those that are shown, at rest. quality: of the cages that move the garments.
+        Raises InputError for a network that the runtime cannot play.
         """
-        visible, self._garments, lines = list(meshes), dict[int, WrinkledGarment](), []
-        for place, garment in enumerate(outfit.garments):
-            reason = wrinkles.unsupported_reason(garment, quality)
-            if not reason and meshes[place] is not garment.mesh:
-                reason = f"garment {garment.name}: is moved by a proxy, on which there are no wrinkles"
-            if not reason:
-                try:
-                    wrinkled = WrinkledGarment(wrinkles, garment)
-                except InputError as error:
-                    reason = str(error)
-                else:
-                    self._garments[place], visible[place] = wrinkled, wrinkled.mesh
-                    lines.append(f"  {garment.name}: wrinkles on {len(wrinkled.mesh.vertices)} vertices")
-            if reason:
-                lines.append(f"  {reason}: it stays plain")
-        body = outfit.body
-        self.meshes, self.lines = tuple(visible), tuple(lines)
-        # A garment keeps off the skin by itself.
-        self._clearing = OutfitClearing.of(body, visible) if len(visible) > 1 else None
-        self._cleared: ClearingMemory | None = None
-        self._skin = BodySurface(body.mesh.vertices, body.mesh.faces)
+        laid_out = WrinkledSheets.of(wrinkles, outfit, quality, meshes)
+        self._sheets, self.lines = laid_out.sheets, laid_out.lines
+        self.meshes = tuple(
+            self._sheets[place].refined.mesh if place in self._sheets else mesh
+            for place, mesh in enumerate(meshes)
+        )
+        try:
+            self._maker = WrinkleMaker(_runtime_sections(laid_out, outfit.body)) if self._sheets else None
+        except ValueError as error:
+            raise InputError(f"--wrinkles: {error}") from error
+        self._counts = [len(sheet.refined.mesh.vertices) for sheet in self._sheets.values()]
 
     def begin(self) -> None:
         """Forget the frames before: the next one follows nothing."""
-        self._cleared = None
-        for garment in self._garments.values():
-            garment.begin()
+        if self._maker is not None:
+            self._maker.begin()
 
     def shown(self, garments: Sequence[Tensor], body_vertices: Tensor, fps: float) -> tuple[Tensor, ...]:
         """Vertices (n, 3) m of the meshes in the next frame, in the world.
 
         garments: (N, 3) m of the rollout. body_vertices: (V, 3) m, posed.
         """
-        if not self._garments:
+        if self._maker is None:
             return tuple(garments)
-        self._skin.update(body_vertices)
-        wrinkled = [
-            self._garments[place].wrinkled(vertices, fps, self._skin) if place in self._garments else vertices
-            for place, vertices in enumerate(garments)
-        ]
-        if self._clearing is None:
-            return tuple(wrinkled)
-        points = [vertices[mesh.kept] for vertices, mesh in zip(wrinkled, self._clearing.meshes, strict=True)]
-        collider = self._clearing.collider(body_vertices)
-        self._cleared, finished = self._clearing.clear(
-            points, collider, body_vertices, self._cleared or self._clearing.start(), FOLLOWING
-        )
-        return finished
+        points = torch.cat([garments[place][sheet.refined.kept] for place, sheet in self._sheets.items()])
+        made = self._maker.wrinkle(points.numpy(), body_vertices.numpy(), 1.0 / fps)
+        wrinkled = dict(zip(self._sheets, torch.from_numpy(made).split(self._counts), strict=True))
+        return tuple(wrinkled.get(place, vertices) for place, vertices in enumerate(garments))
+
+
+def _runtime_sections(laid_out: WrinkledSheets, body: Body) -> dict[str, NDArray[Any]]:
+    """All that the runtime reads of wrinkles without the outfit around them."""
+    meshes = [sheet.mesh for sheet in laid_out.sheets.values()]
+    joined = join_meshes((mesh.points, mesh.faces) for mesh in meshes)
+    every = [(garment.mesh.vertices, garment.mesh.faces) for garment in laid_out.outfit.garments]
+    thickness = outfit_thickness([vertices for vertices, _ in every], every).split(
+        [len(vertices) for vertices, _ in every]
+    )
+    kept = [thickness[place][sheet.refined.kept] for place, sheet in laid_out.sheets.items()]
+    return {
+        **laid_out.sections(),
+        "wrinkles.garments": np.arange(len(meshes)),
+        "points.rest": joined.vertices.numpy(),
+        "fine.faces": joined.faces.numpy(),
+        "fine.thickness": torch.cat(kept).numpy(),
+        "garments.starts": np.array([*joined.starts, len(joined.vertices)]),
+        "skin.rest": body.mesh.vertices.numpy(),
+        "skin.faces": body.mesh.faces.numpy(),
+    }
+
+
+def _on_refined(garment: Garment, refined: Refined) -> Garment:
+    weights, smooth_weights = (
+        refined.matrix.to(each) @ each[refined.kept] for each in (garment.weights, garment.smooth_weights)
+    )
+    return replace(garment, mesh=refined.mesh, weights=weights, smooth_weights=smooth_weights)
+
+
+def _free(sheet: Sheet, over: Sequence[Mesh]) -> Tensor:
+    """Share (U,) of a garment's displacements that is shown: none beneath garments over it, at rest."""
+    points = sheet.mesh.points
+    covered = torch.zeros(len(points), dtype=torch.bool)
+    for mesh in over:
+        beside = Layer(mesh.vertices, mesh.faces).beside(points, COVER_REACH)
+        covered |= beside.covered & (beside.distance < 0.0)
+    average = neighbour_average(sheet.mesh.faces, len(points)).float().to_sparse_csr()
+    free = (~covered).float()[:, None]
+    for _ in range(FADING if bool(covered.any()) else 0):
+        free = torch.minimum(free, average @ free)
+    return free[:, 0]

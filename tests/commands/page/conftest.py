@@ -42,6 +42,14 @@ def qualities(skirt: Path, folder: Path, tmp_path_factory: pytest.TempPathFactor
 
 
 @pytest.fixture(scope="session")
+def shirt(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A T-shirt with wrinkles on the body of the package, which walks."""
+    path = tmp_path_factory.mktemp("shirt") / "shirt.glb"
+    bake(Bake(("tops",), path, motion="walk", wrinkles=True, options=MotionOptions(frames="20:50")))
+    return path
+
+
+@pytest.fixture(scope="session")
 def single(skirt: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The skirt's page in one file."""
     out = tmp_path_factory.mktemp("single") / "page.html"

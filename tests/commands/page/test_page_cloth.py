@@ -18,6 +18,8 @@ from tests.commands.page.opened import (
     needs_wasm,
     open_page,
 )
+from uvcloth.commands.page import Page
+from uvcloth.commands.page_file import write_page
 from uvcloth.player.baked import open_baked
 from uvcloth.player.outfit import Cloth, Outfit
 
@@ -70,6 +72,17 @@ def test_the_cloth_of_a_single_file_is_that_of_the_runtime(
 ) -> None:
     open_page(browser, single.as_uri())
     check_cloth(browser, skirt)
+
+
+@needs_wasm
+@needs_browser
+def test_wrinkles_are_those_of_the_runtime(
+    browser: Chromium, address: str, folder: Path, shirt: Path
+) -> None:
+    write_page(Page(folder / "wrinkles", (shirt,)))
+    open_page(browser, f"{address}wrinkles/")
+    check_cloth(browser, shirt)
+    assert browser.value("uvcloth.cloth.garments[0].size") > 10_000
 
 
 @needs_wasm

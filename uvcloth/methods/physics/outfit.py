@@ -1,6 +1,6 @@
 """Outfits on cages, which the solver moves: made, and baked for the runtime."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -86,15 +86,21 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
     return CagedOutfit(garments, BakedOutfit(pack(sections)))
 
 
-def bake_outfit(outfit: Outfit, config: PhysicsConfig) -> bytes:
+def bake_outfit(
+    outfit: Outfit,
+    config: PhysicsConfig,
+    more: Mapping[str, NDArray[Any]] | None = None,
+    more_steps: Mapping[str, float] | None = None,
+) -> bytes:
     """Bake an outfit for the body that it is worn on, as `uvcloth.player.outfit.Outfit` reads it, for a file.
 
-    Positions and weights are rounded. Raises InputError as `make_caged_outfit` does, and for a body with pose
-    shapes.
+    Positions and weights are rounded. more: further sections, of wrinkles, and the steps to round them to.
+    Raises InputError as `make_caged_outfit` does, and for a body with pose shapes.
     """
     if outfit.body.pose_shapes is not None:
         raise InputError(f"body {outfit.body.name}: pose shapes cannot be baked, only blend weights")
-    return pack(_caged_sections(outfit, config, rounded=True)[1], STEPS, compressed=True)
+    sections = _caged_sections(outfit, config, rounded=True)[1] | dict(more or {})
+    return pack(sections, STEPS | dict(more_steps or {}), compressed=True)
 
 
 def _caged_sections(
