@@ -18,7 +18,6 @@ from statistics import median
 
 import torch
 import tyro
-from benchmarks.descriptor import plain
 from rich.console import Console
 from rich.table import Table
 from torch import Tensor, nn
@@ -68,7 +67,9 @@ class PlainPositions(nn.Module):
         self.layer = layer
 
     def forward(self, positions: Tensor, mask: Tensor, seeds: Tensor) -> Tensor:
-        return plain(self.layer, positions, mask, seeds)
+        channels = (positions[:, None] - seeds[..., None, None]) * mask[:, :, None]
+        kernel = self.layer.weight.flatten(1, 2).unflatten(-1, (TAPS, TAPS))
+        return functional.conv2d(channels.flatten(1, 2), kernel, padding=TAPS // 2)
 
 
 class PlainForces(nn.Module):

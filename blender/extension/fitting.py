@@ -36,19 +36,22 @@ class Fit(LaboratoryOperator, bpy.types.Operator):
 
     def finish(self, context: Any, errand: Errand) -> None:
         """Make a preview of each garment that would be moved."""
-        fitted = {name: _local(errand, index, name) for index, name in enumerate(errand.names)}
+        fitted = [
+            _local(errand, part, vertices)
+            for part, (vertices,) in zip(errand.garments, _arrays(errand, "vertices"), strict=True)
+        ]
         take_back(errand.armature)
         entries = {entry.part: entry for entry in errand.armature.uvcloth.garments}
         lines, shown = [], False
         height = errand.armature.dimensions.z or 1.0
-        for part, name in zip(errand.garments, errand.names, strict=True):
+        for part, vertices in zip(errand.garments, fitted, strict=True):
             world = np.array(part.matrix_world, np.float64)[:3, :3]
-            moved = np.linalg.norm((fitted[name] - sending.vertices_of(part.data)) @ world.T, axis=1)
+            moved = np.linalg.norm((vertices - sending.vertices_of(part.data)) @ world.T, axis=1)
             if moved.max() < LEAST_MOVED * height:
                 lines.append(f"{part.name} lies well")
                 continue
             shown = True
-            entries[part].preview = _preview(part, fitted[name])
+            entries[part].preview = _preview(part, vertices)
             entries[part].display = part.display_type
             part.display_type = "WIRE"
             lines.append(
@@ -117,16 +120,9 @@ class Check(LaboratoryOperator, bpy.types.Operator):
 
     def finish(self, context: Any, errand: Errand) -> None:
         """Mark vertices, and say how many there are."""
-        with np.load(errand.result) as arrays:
-            masks = [
-                [arrays[f"{name}.{kind}"] for kind in ("inside", "beneath", "left")] for name in errand.names
-            ]
+        masks = _arrays(errand, "inside", "beneath", "left")
         lines, warns = [], False
         for part, (inside, beneath, left) in zip(errand.garments, masks, strict=True):
-            if len(left) != len(part.data.vertices):
-                raise ValueError(
-                    f"{part.name} was repaired: merge doubled vertices and delete loose ones first"
-                )
             _mark(part, inside | beneath, left)
             starts = [
                 f"{np.count_nonzero(mask):,} vertices start {where}"
@@ -157,13 +153,21 @@ def take_back(armature: Any) -> None:
             entry.part.display_type = entry.display
 
 
-def _local(errand: Errand, index: int, name: str) -> NDArray[np.float64]:
-    """Fitted vertices (V, 3) of a garment in the axes of its mesh. Raises ValueError if they are others."""
-    part = errand.garments[index]
-    with np.load(errand.result) as arrays:
-        vertices = arrays[f"{name}.vertices"].astype(np.float64)
-    if len(vertices) != len(part.data.vertices):
-        raise ValueError(f"{part.name} was repaired: merge doubled vertices and delete loose ones first")
+def _arrays(errand: Errand, *kinds: str) -> list[list[NDArray[Any]]]:
+    """Arrays of some kinds of each garment, with a row for each vertex of its mesh.
+
+    Raises ValueError for a mesh whose vertices are others in the laboratory.
+    """
+    with np.load(errand.result) as stored:
+        arrays = [[stored[f"{name}.{kind}"] for kind in kinds] for name in errand.names]
+    for part, (first, *_) in zip(errand.garments, arrays, strict=True):
+        if len(first) != len(part.data.vertices):
+            raise ValueError(f"{part.name} was repaired: merge doubled vertices and delete loose ones first")
+    return arrays
+
+
+def _local(errand: Errand, part: Any, vertices: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Vertices (V, 3) of the character's file in the axes of a garment's mesh."""
     back = np.linalg.inv(sending.to_file(part, errand.armature))
     return vertices @ back[:3, :3].T + back[:3, 3]
 

@@ -94,10 +94,9 @@ def show(armature: Any, scene: Any, graph: Any) -> None:
     _move(session, garments, scale, graph)
 
 
-def follow(armature: Any, scene: Any, graph: Any) -> None:
-    """Move the garments of a character one frame on, towards the pose that it has now. Raises ValueError."""
+def follow(armature: Any, scene: Any, graph: Any, moment: Moment, scale: float) -> None:
+    """Move the garments of a character one frame on, towards a moment of `moment_of`. Raises ValueError."""
     session, garments = session_of(armature, scene), sourced_garments(armature, scene)
-    moment, scale = moment_of(armature, scene, graph)
     session.timeline.pose(moment, scene.render.fps_base / scene.render.fps)
     _move(session, garments, scale, graph)
 

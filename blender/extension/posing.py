@@ -55,7 +55,8 @@ def step(armature: Any, scene: Any, graph: Any) -> bool:
     """
     key = armature.session_uid
     try:
-        joints = live.moment_of(armature, scene, graph)[0].joints
+        moment, scale = live.moment_of(armature, scene, graph)
+        joints = moment.joints
         before = STANDS.get(key)
         if before is None or before.frame != scene.frame_current:
             STANDS[key] = Stand(scene.frame_current, joints, _settled(scene))
@@ -65,7 +66,7 @@ def step(armature: Any, scene: Any, graph: Any) -> bool:
         STANDS[key] = Stand(scene.frame_current, joints, min(steps, _settled(scene)))
         if steps >= _settled(scene):
             return False
-        live.follow(armature, scene, graph)
+        live.follow(armature, scene, graph, moment, scale)
     except (ValueError, OSError) as error:
         live.FAULTS[key] = str(error)
         return False

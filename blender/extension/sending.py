@@ -1,6 +1,7 @@
 """What is sent to the laboratory: a character as glTF, its garments as OBJ, and how they are worn."""
 
 from collections.abc import Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -57,8 +58,9 @@ def plain_names(names: Sequence[str]) -> list[str]:
     for name in names:
         clean = "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")[:LONGEST_NAME]
         clean = clean or "garment"
-        taken = sum(clean.lower() == other.lower() for other in plain)
-        plain.append(f"{clean}_{len(plain)}" if taken else clean)
+        taken = {other.lower() for other in plain}
+        choices = chain([clean], (f"{clean}_{number}" for number in count(len(plain))))
+        plain.append(next(choice for choice in choices if choice.lower() not in taken))
     return plain
 
 

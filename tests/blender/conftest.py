@@ -5,7 +5,9 @@ import os
 import subprocess
 import sys
 from dataclasses import dataclass
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,17 @@ class Done:
     arrays: dict[str, np.ndarray]
     said: dict[str, Any]
     folder: Path
+
+
+def load_module(name: str, path: Path) -> ModuleType:
+    """A module of a file outside of the packages."""
+    spec = spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="session")

@@ -101,7 +101,7 @@ def driven(command, events, killed=False) -> list[object]:
 bpy.ops.wm.read_factory_settings(use_empty=True)
 bpy.ops.extensions.package_install_files(filepath=str(EXTENSION), repo="user_default", enable_on_install=True)
 preferences = bpy.context.preferences.addons["bl_ext.user_default.uvcloth"].preferences
-from bl_ext.user_default.uvcloth import dressing, fitting, laboratory, live, posing  # noqa: E402
+from bl_ext.user_default.uvcloth import dressing, fitting, laboratory, live, posing, sending  # noqa: E402
 
 scene = bpy.context.scene
 scene.render.fps = 30
@@ -197,6 +197,7 @@ waist = skirt.vertex_groups.new(name="waist")
 waist.add(np.flatnonzero(made[:, 2] > made[:, 2].max() - 0.03).tolist(), 1.0, "REPLACE")
 settings.garments[0].pins = "waist"
 armature.pose.bones[0].location = armature.pose.bones[0].location  # Posed, not at rest, while it is sent.
+said["names"] = sending.plain_names(["a 2", "a", "a", "A 3", "."])
 said["dressed"] = driven(dressing.Dress, ["MOUSEMOVE"])
 said["rows"] = [[entry.part.name, entry.row] for entry in settings.garments]
 said["modifiers"] = [modifier.type for modifier in skirt.modifiers]

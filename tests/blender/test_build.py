@@ -3,14 +3,14 @@
 import hashlib
 import json
 import subprocess
-import sys
 import tomllib
 import zipfile
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+
+from tests.blender.conftest import load_module
 
 FILE = Path(__file__).parents[2] / "blender" / "build.py"
 TAGS = {
@@ -28,13 +28,7 @@ CLIENT = (
 @pytest.fixture(scope="module")
 def build() -> ModuleType:
     """The program as a module."""
-    spec = spec_from_file_location("extension_build", FILE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_module("extension_build", FILE)
 
 
 @pytest.fixture

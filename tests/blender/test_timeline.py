@@ -1,12 +1,12 @@
 """The timeline of the extension, without Blender: cloth that counts what it was told."""
 
-import sys
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+
+from tests.blender.conftest import load_module
 
 FILE = Path(__file__).parents[2] / "blender" / "extension" / "timeline.py"
 
@@ -14,13 +14,7 @@ FILE = Path(__file__).parents[2] / "blender" / "extension" / "timeline.py"
 @pytest.fixture(scope="module")
 def timeline() -> ModuleType:
     """The module, without the package around it, which needs bpy."""
-    spec = spec_from_file_location("extension_timeline", FILE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_module("extension_timeline", FILE)
 
 
 class Counted:

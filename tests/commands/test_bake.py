@@ -15,12 +15,11 @@ import pytest
 import torch
 import trimesh
 
-from tests.characters.made_up import rewritten, t_posed, write_character
-from tests.characters.test_characters import pieces
+from tests.characters.made_up import rewritten
 from tests.export.glb_reader import GlbReader
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.characters.body import CharacterBody, body_from_character
+from uvcloth.characters.body import CharacterBody
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.bake_file import bake
 from uvcloth.commands.play import Play
@@ -44,20 +43,6 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("baked") / "skirt.glb"
     bake(Bake(("skirt",), path, motion="walk", quality="fast", options=SOME))
     return path
-
-
-@pytest.fixture(scope="module")
-def character(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A character in centimetres, Z up, with its arms raised and joints of other names."""
-    path = tmp_path_factory.mktemp("character") / "hero.glb"
-    write_character(path, t_posed(body), pieces(body)[:2])
-    return path
-
-
-@pytest.fixture(scope="module")
-def fitted(character: Path, body: Body) -> CharacterBody:
-    """The character as a body of ours, found once for all."""
-    return body_from_character(character, body)
 
 
 @pytest.fixture(scope="module")

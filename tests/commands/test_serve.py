@@ -13,10 +13,8 @@ import numpy as np
 import pytest
 import torch
 
-from tests.characters.made_up import t_posed, write_character
-from tests.characters.test_characters import pieces
 from uvcloth.bodies.body import Body
-from uvcloth.characters.body import CharacterBody, body_from_character
+from uvcloth.characters.body import CharacterBody
 from uvcloth.commands.serve import Serve
 from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
@@ -65,19 +63,6 @@ def served() -> Iterator[Served]:
     yield program
     program.process.kill()
     program.process.wait()
-
-
-@pytest.fixture(scope="module")
-def character(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A character in centimetres, Z up, with its arms raised and joints of other names."""
-    path = tmp_path_factory.mktemp("character") / "hero.glb"
-    write_character(path, t_posed(body), pieces(body)[:2])
-    return path
-
-
-@pytest.fixture(scope="module")
-def fitted(character: Path, body: Body) -> CharacterBody:
-    return body_from_character(character, body)
 
 
 def modelled(garment: Garment, fitted: CharacterBody, path: Path, sunk: float = 0.0) -> Path:

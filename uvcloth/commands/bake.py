@@ -8,7 +8,6 @@ from tyro.conf import arg
 
 from uvcloth.commands.options import (
     CHARACTERS,
-    FOLDER,
     MOTION,
     Fabrics,
     FromBody,
@@ -19,6 +18,8 @@ from uvcloth.commands.options import (
     OnCharacter,
     Quality,
     Tucks,
+    Wrinkled,
+    WrinklesFrom,
 )
 from uvcloth.errors import InputError
 from uvcloth.files.options import NewFile, Source
@@ -46,15 +47,8 @@ class Bake:
     ] = None
     """A motion file or the name of a built-in clip, which becomes the first animation of the file."""
     quality: Quality = "default"
-    wrinkles: bool = False
-    """Add wrinkles that the solver's faces are too large for, on finer meshes, to garments that a network was
-    trained on."""
-    wrinkles_from: Annotated[
-        Path | None,
-        arg(metavar="RUN", help_behavior_hint="(default: the network in the package)"),
-        FOLDER,
-    ] = None
-    """Folder of `uvcloth train wrinkles` whose network makes the wrinkles."""
+    wrinkles: Wrinkled = False
+    wrinkles_from: WrinklesFrom = None
     tuck: Tucks = ()
     hold: Holds = ()
     garment_pose: GarmentPose = None

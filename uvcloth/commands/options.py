@@ -96,6 +96,22 @@ FromBody = Annotated[
     ),
     Source(),
 ]
+Wrinkled = Annotated[
+    bool,
+    arg(
+        help="Add wrinkles that the solver's faces are too large for, on finer meshes, to garments that a "
+        "network was trained on."
+    ),
+]
+WrinklesFrom = Annotated[
+    Path | None,
+    arg(
+        metavar="RUN",
+        help="Folder of `uvcloth train wrinkles` whose network makes the wrinkles.",
+        help_behavior_hint="(default: the network in the package)",
+    ),
+    FOLDER,
+]
 OnCharacter = Annotated[
     bool,
     arg(

@@ -10,7 +10,6 @@ from tyro.conf import arg
 from uvcloth.commands.options import (
     DEVICE,
     EXTRAS,
-    FOLDER,
     MOTION,
     BodyFile,
     Dynamics,
@@ -27,6 +26,8 @@ from uvcloth.commands.options import (
     TemplateName,
     Threads,
     Tucks,
+    Wrinkled,
+    WrinklesFrom,
 )
 from uvcloth.errors import InputError
 from uvcloth.export.shot import CameraName
@@ -73,15 +74,8 @@ class Rollout:
         ),
     ] = None
     quality: Quality = "default"
-    wrinkles: bool = False
-    """Add wrinkles that the solver's faces are too large for, on finer meshes, to garments that a network was
-    trained on."""
-    wrinkles_from: Annotated[
-        Path | None,
-        arg(metavar="RUN", help_behavior_hint="(default: the network in the package)"),
-        FOLDER,
-    ] = None
-    """Folder of `uvcloth train wrinkles` whose network makes the wrinkles."""
+    wrinkles: Wrinkled = False
+    wrinkles_from: WrinklesFrom = None
     template: Annotated[
         tuple[TemplateName | Literal["auto"], ...],
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),

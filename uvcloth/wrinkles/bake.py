@@ -8,7 +8,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from uvcloth.player.sections import row_starts
 from uvcloth.wrinkles.network import TexelGain, WrinkleConfig, WrinkleNet
 from uvcloth.wrinkles.sheet import Sheet
 
@@ -65,23 +64,11 @@ def _network(config: WrinkleConfig, net: WrinkleNet) -> dict[str, NDArray[Any]]:
         "wrinkles.output": _flat(net.output_scale),
         "wrinkles.mean": net.mean[0].flatten(1).T.float().numpy(),
         "wrinkles.weights": np.concatenate(
-            [_flat(_weights(kernel).permute(2, 3, 1, 0)) for kernel in kernels]
+            [_flat(kernel.get_parameter("weight").permute(2, 3, 1, 0)) for kernel in kernels]
         ),
-        "wrinkles.biases": np.concatenate([_flat(_biases(kernel)) for kernel in kernels]),
+        "wrinkles.biases": np.concatenate([_flat(kernel.get_parameter("bias")) for kernel in kernels]),
         "wrinkles.gains": np.concatenate([_gains(gain) for gain in (*net.here, net.end)]),
     }
-
-
-def _weights(kernel: nn.Module) -> Tensor:
-    weights = kernel.weight
-    assert isinstance(weights, Tensor)
-    return weights
-
-
-def _biases(kernel: nn.Module) -> Tensor:
-    biases = kernel.bias
-    assert isinstance(biases, Tensor)
-    return biases
 
 
 def _gains(gain: nn.Module) -> NDArray[Any]:
@@ -148,7 +135,7 @@ def _back(back: Tensor) -> dict[str, NDArray[Any]]:
     sums = np.add.reduceat(weights, starts[:-1])
     shares = weights / np.repeat(sums, np.diff(starts))
     return {
-        "back_starts": row_starts(np.diff(starts)),
+        "back_starts": starts,
         "back": columns,
         "back_shares": np.delete(shares, starts[1:] - 1),
     }
