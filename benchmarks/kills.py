@@ -32,7 +32,7 @@ from tests.train.deepsd.outfits import save_outfits
 from tests.train.simulated import database_of, save_clips
 from train.deepsd import physics, validation
 from uvcloth.bodies.body import load_body
-from uvcloth.commands import make_outfits
+from uvcloth.commands.run import outfits as make_outfits
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.poses import save_poses
 from uvcloth.process.command import run_command
@@ -46,12 +46,12 @@ MOVING = ("--motion", "walk", "--frames", "0:4")
 MODULES = {
     "rollout": (
         *("pxr.Usd", "pxr.UsdGeom", "pxr.UsdSkel", "alembic3d", "imath", "av"),
-        "uvcloth.commands.animate",
+        "uvcloth.commands.run.rollout",
     ),
     "simulate": ("dask.distributed",),
     "poses": ("uvcloth.motion.draw_poses", "uvcloth.motion.recombine", "uvcloth.physics.self_contact"),
-    "outfits": ("uvcloth.commands.make_outfits",),
-    "export": ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdSkel", "onnx", "uvcloth.commands.export_rig"),
+    "outfits": ("uvcloth.commands.run.outfits",),
+    "export": ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdSkel", "onnx", "uvcloth.commands.run.export"),
     "evaluate": (
         *("jinja2", "evaluate.compare", "evaluate.report", "evaluate.show", "evaluate.motion_map"),
         *("evaluate.selection", "evaluate.garment_space"),

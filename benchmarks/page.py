@@ -34,10 +34,10 @@ from numpy.typing import NDArray
 from tests.commands.chromium import PROGRAM, Chromium
 from tests.commands.served import served
 from uvcloth.commands.bake import Bake
-from uvcloth.commands.bake_file import bake
 from uvcloth.commands.options import Quality
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_file import write_page
+from uvcloth.commands.run.bake import bake
+from uvcloth.commands.run.page import write_page
 from uvcloth.errors import InputError
 from uvcloth.player.baked import open_baked
 from uvcloth.player.outfit import Cloth, Outfit

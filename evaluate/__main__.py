@@ -82,7 +82,7 @@ class Evaluate:
             self._judge()
 
     def _judge(self) -> None:
-        from uvcloth.commands.threads import limited_threads
+        from uvcloth.process.threads import limited_threads
 
         from .beside import Request, judge_beside, load_comparison, processes
         from .blind import write_blind

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from io import StringIO
 
-from uvcloth.commands.threads import limited_threads
+from uvcloth.process.threads import limited_threads
 
 from .candidates import Candidate, load_candidates
 from .case import Case

@@ -182,7 +182,7 @@ def test_poses_are_drawn_from_the_clips_that_an_index_names(monkeypatch, capsys,
         asked.extend((source.name, source.split, source.subject) for source in sources)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("uvcloth.motion.draw_poses.draw_poses", stop)
+    monkeypatch.setattr("uvcloth.commands.run.poses.draw_poses", stop)
     (tmp_path / "a.bvh").touch()
     header = "trial,subject,split,action,window_start,window_frames\n"
     (tmp_path / "mine.csv").write_text(header + "a,ann,test,walk,0,9\nb,ann,unused,walk,0,9\n")
@@ -194,7 +194,7 @@ def test_poses_are_drawn_from_the_clips_that_an_index_names(monkeypatch, capsys,
 
 
 def test_what_poses_cannot_do_is_refused_before_drawing(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("uvcloth.motion.draw_poses.draw_poses", None)
+    monkeypatch.setattr("uvcloth.commands.run.poses.draw_poses", None)
     (tmp_path / "file").write_text("mine")
     negative = ("poses", "run", "--out", str(tmp_path / "poses.npz"), "--recombine", "-1")
     assert run(monkeypatch, *negative) == 2
@@ -238,10 +238,10 @@ def test_export_writes_the_rig_that_its_options_ask_for(monkeypatch, capsys, tmp
     ],
 )
 def test_failing_commands_say_one_sentence(monkeypatch, stand_in, capsys, error, expected):
-    def failing(out: object, long: bool):
+    def failing(command):
         raise error
 
-    stand_in("uvcloth.commands.demonstrate", demonstrate=failing)
+    stand_in("uvcloth.commands.run.demo", run=failing)
     assert (run(monkeypatch, "demo"), capsys.readouterr().err) == expected
 
 

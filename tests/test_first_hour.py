@@ -16,7 +16,7 @@ from tests.motion.families import FAMILIES
 from tests.motion.layouts import write_layout
 from uvcloth.bodies.body import Body
 from uvcloth.cli import main
-from uvcloth.commands import live_view
+from uvcloth.commands.run import view as live_view
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.templates import fit_template

@@ -29,7 +29,7 @@ modules = [each.__module__ for each in (export, rollout, simulate)]
 print(modules, rollout is uvcloth.rollout, writer.__name__, prepare_rollout.__module__)
 
 import uvcloth.api, uvcloth.ready, uvcloth.garments.templates
-import uvcloth.simulate.batch, uvcloth.simulate.run, uvcloth.commands.animate
+import uvcloth.simulate.batch, uvcloth.simulate.run, uvcloth.commands.run.rollout
 import uvcloth.wardrobe.sew, evaluate.judge, evaluate.report
 brought("warp")
 """

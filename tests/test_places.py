@@ -14,7 +14,7 @@ from tests.test_rollout import FPS, Recorder, falling, outfit
 from tests.thorough import always
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.stream import BATCH, posed_batches
-from uvcloth.commands.summary import Totals
+from uvcloth.commands.run.summary import Totals
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.registry import load_method

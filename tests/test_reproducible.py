@@ -12,9 +12,9 @@ ROLLOUTS = """
 import sys
 from pathlib import Path
 from uvcloth.process.command import run_command
-from uvcloth.commands.animate import animate
+from uvcloth.commands.run.rollout import animate
 from uvcloth.commands.rollout import Rollout
-from uvcloth.commands.threads import limited_threads
+from uvcloth.process.threads import limited_threads
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.motion.options import MotionOptions
 

@@ -21,10 +21,10 @@ from train.trainer import TrainerEntry
 from train.validation import mean_errors, rollout_distances
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import Checkpoint, body_record, save_checkpoint
-from uvcloth.commands.animate import animate
 from uvcloth.commands.export import Export
-from uvcloth.commands.export_rig import export
 from uvcloth.commands.rollout import Rollout
+from uvcloth.commands.run.export import export
+from uvcloth.commands.run.rollout import animate
 from uvcloth.dataset.clip import clip_of_garment
 from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.dataset.reader import read_clips

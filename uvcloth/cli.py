@@ -7,12 +7,12 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Protocol
 
 from tyro.extras import subcommand_cli_from_dict
 
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.body import MakeBody
+from uvcloth.commands.command import Command
 from uvcloth.commands.data import Data
 from uvcloth.commands.demo import Demo
 from uvcloth.commands.export import Export
@@ -50,14 +50,6 @@ uvcloth train physxnet --data data --out runs/first
 uvcloth evaluate --model lbs_smooth runs/first --data data --out report
 
 uvcloth --version"""
-
-
-class Command(Protocol):
-    """A frozen dataclass whose fields are the options of a subcommand."""
-
-    def run(self) -> None:
-        """Run the command. Raises InputError for bad input."""
-        ...
 
 
 COMMANDS: dict[str, Callable[..., Command]] = {

@@ -15,7 +15,7 @@ import pytest
 
 from tests.glb_json import edited
 from uvcloth.commands.bake import Bake
-from uvcloth.commands.bake_file import bake
+from uvcloth.commands.run.bake import bake
 from uvcloth.player.baked import EXTENSION
 
 HERE = Path(__file__).parent

@@ -8,7 +8,7 @@ import pytest
 
 from tests.blender.conftest import Done
 from uvcloth.commands.play import Play
-from uvcloth.commands.play_file import play
+from uvcloth.commands.run.play import play
 from uvcloth.motion.options import MotionOptions
 from uvcloth.player.baked import open_baked
 from uvcloth.player.outfit import Cloth, Outfit

@@ -21,7 +21,7 @@ from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.smpl import read_smpl
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS
 from uvcloth.commands.body import MakeBody, Phenotype
-from uvcloth.commands.make_body import make
+from uvcloth.commands.run.body import make
 from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import joint_transforms, world_rotations

@@ -24,7 +24,7 @@ from uvcloth.characters.reader import Part, read_character
 from uvcloth.characters.rig import rig_character
 from uvcloth.characters.shape import SkinnedSurface
 from uvcloth.commands.body import MakeBody, Phenotype
-from uvcloth.commands.make_body import make
+from uvcloth.commands.run.body import make
 from uvcloth.errors import InputError
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.templates import load_template, tailored

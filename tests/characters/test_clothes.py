@@ -77,7 +77,7 @@ def test_a_character_without_clothes_becomes_a_body_and_the_report_says_so(
         rigged=SimpleNamespace(guessed=False),
         lines=list,
     )
-    monkeypatch.setattr("uvcloth.commands.make_body.body_from_character", lambda *_: bare)
+    monkeypatch.setattr("uvcloth.commands.run.body.body_from_character", lambda *_: bare)
     MakeBody(out=tmp_path / "bare.npz", character=path, clothes=tmp_path / "clothes").run()
     said = capsys.readouterr().out
     assert "nothing is named as clothes" in said

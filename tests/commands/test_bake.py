@@ -21,8 +21,8 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.characters.body import CharacterBody
 from uvcloth.commands.bake import Bake
-from uvcloth.commands.bake_file import bake
 from uvcloth.commands.play import Play
+from uvcloth.commands.run.bake import bake
 from uvcloth.errors import InputError
 from uvcloth.export.animation import load_animation
 from uvcloth.garments.loading import load_outfit
@@ -56,7 +56,7 @@ def hero(character: Path, fitted: CharacterBody) -> Path:
     path = character.with_name("baked.glb")
     command = Bake(("bottoms", "tops"), path, body=character, motion="walk", quality="fast", options=SOME)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("uvcloth.commands.wearer.body_from_character", lambda *_: fitted)
+        patch.setattr("uvcloth.commands.run.wearer.body_from_character", lambda *_: fitted)
         bake(command)
     return path
 
@@ -157,7 +157,7 @@ def test_what_is_played_is_what_the_runtime_says(
     who: str, motion: str | None, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     """By its own animation, and by another motion."""
-    from uvcloth.commands.play_file import play
+    from uvcloth.commands.run.play import play
 
     path: Path = request.getfixturevalue(who)
     options = MotionOptions(frames="0:9")
@@ -185,7 +185,7 @@ def test_what_is_played_is_what_the_runtime_says(
 
 
 def test_another_motion_is_retargeted_as_on_the_body(hero: Path, character_body: Body) -> None:
-    from uvcloth.commands.play_motion import retargeted
+    from uvcloth.commands.run.play_motion import retargeted
 
     made = character_body
     baked = open_baked(hero)
@@ -200,7 +200,7 @@ def test_another_motion_is_retargeted_as_on_the_body(hero: Path, character_body:
 
 
 def test_wind_and_fabrics_move_what_is_played(own: Path, tmp_path: Path) -> None:
-    from uvcloth.commands.play_file import play
+    from uvcloth.commands.run.play import play
 
     played = {}
     calm = Play(own, tmp_path / "calm.npz")
@@ -249,7 +249,7 @@ def no_fabric(written: dict[str, Any]) -> None:
 
 
 def test_what_cannot_be_played_says_why_and_leaves_nothing(own: Path, tmp_path: Path) -> None:
-    from uvcloth.commands.play_file import play
+    from uvcloth.commands.run.play import play
 
     path, out = tmp_path / "worn.glb", tmp_path / "out.glb"
 
@@ -289,7 +289,7 @@ def test_what_cannot_be_baked_says_why_and_leaves_nothing(
 
     command = Bake(("dress",), tmp_path / "out.glb")
     with monkeypatch.context() as changed:
-        changed.setattr("uvcloth.commands.bake_file.bake_outfit", torn)
+        changed.setattr("uvcloth.commands.run.bake.bake_outfit", torn)
         with pytest.raises(InputError, match="garment dress: is torn"):
             bake(command)
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.4)

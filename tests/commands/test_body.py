@@ -9,7 +9,7 @@ import torch
 from tests.export.glb_reader import GlbReader, to_z_up
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.body import MakeBody, Phenotype
-from uvcloth.commands.make_body import make
+from uvcloth.commands.run.body import make
 from uvcloth.errors import InputError
 from uvcloth.files.options import check_options
 from uvcloth.formats.mesh_file import read_mesh

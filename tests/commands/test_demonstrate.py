@@ -10,7 +10,7 @@ import torch
 from PIL import Image
 
 from tests.simulate.skinned import skinned_sequence
-from uvcloth.commands import demonstrate as demo
+from uvcloth.commands.run import demo
 from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.errors import InputError
 from uvcloth.garments.templates import fit_template

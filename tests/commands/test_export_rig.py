@@ -11,10 +11,10 @@ import torch
 from tests.export.glb_reader import GlbReader
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
-from uvcloth.commands.animate import animate
 from uvcloth.commands.export import Export
-from uvcloth.commands.export_rig import RIG_WRITERS, export
 from uvcloth.commands.rollout import Rollout
+from uvcloth.commands.run.export import RIG_WRITERS, export
+from uvcloth.commands.run.rollout import animate
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
@@ -158,7 +158,7 @@ def test_what_fails_in_the_second_file_leaves_both_as_they_were(
     def failing(*_: object) -> None:
         raise interruption
 
-    monkeypatch.setattr("uvcloth.commands.export_rig.write_embedding", failing)
+    monkeypatch.setattr("uvcloth.commands.run.export.write_embedding", failing)
     (tmp_path / "rig.glb").write_text("old")
     with pytest.raises((KeyboardInterrupt, InputError)):
         export(Export(str(run), tmp_path / "rig.glb"))

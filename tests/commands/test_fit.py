@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from uvcloth.bodies.body import Body
-from uvcloth.commands import examine_garment
-from uvcloth.commands.examine_garment import examine
 from uvcloth.commands.fit import Fit
+from uvcloth.commands.run import fit as examine_garment
+from uvcloth.commands.run.fit import examine
 from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.cage import QUALITIES

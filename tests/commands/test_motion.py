@@ -13,8 +13,8 @@ from tests.motion.families import FAMILIES
 from tests.motion.layouts import write_layout
 from tests.motion.test_gltf import write_motion
 from uvcloth.bodies.body import Body
-from uvcloth.commands.describe_motion import describe
 from uvcloth.commands.motion import Motion
+from uvcloth.commands.run.motion import run
 from uvcloth.errors import InputError
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.options import MotionOptions
@@ -23,7 +23,7 @@ from uvcloth.motion.options import MotionOptions
 def test_a_motion_file_is_described_and_drawn(tmp_path: Path, capsys, body: Body) -> None:
     layout = replace(FAMILIES["LAFAN1"], above=("Scene",))
     write_layout(load_clip("walk", body).window(20, 30), layout, tmp_path / "walk.bvh")
-    describe(Motion(str(tmp_path / "walk.bvh"), tmp_path / "sheet.png", options=MotionOptions(frames="5:25")))
+    run(Motion(str(tmp_path / "walk.bvh"), tmp_path / "sheet.png", options=MotionOptions(frames="5:25")))
     printed = capsys.readouterr().out
     for text in (
         "walk: 30 frames at 30 per second, 1.00 s",
@@ -53,7 +53,7 @@ def test_the_animations_of_a_file_are_listed(tmp_path: Path, capsys, body: Body)
         written["animations"] = [walk | {"name": "Walk"}, walk | {"name": ""}]
 
     rewritten(path, add_second)
-    describe(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions(animation="Walk")))
+    run(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions(animation="Walk")))
     assert "animations: 1 Walk, 2 (no name)\n" in capsys.readouterr().out
 
 
@@ -63,10 +63,10 @@ def test_what_is_known_is_printed_before_a_refusal(tmp_path: Path, capsys, body:
     path = tmp_path / "walk.bvh"
     write_layout(load_clip("walk", body).window(20, 10), odd, path)
     with pytest.raises(InputError, match=r"no joint is the left shin, right shin; name them with --joints"):
-        describe(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions()))
+        run(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions()))
     assert "move with their parents: LeftWheel, RightWheel" in capsys.readouterr().out
     assert not (tmp_path / "sheet.png").exists()
     roles = tmp_path / "map.json"
     roles.write_text(json.dumps({"left_shin": "LeftWheel", "right_shin": "RightWheel"}))
-    describe(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions(joints=roles)))
+    run(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions(joints=roles)))
     assert (tmp_path / "sheet.png").exists()

@@ -10,11 +10,11 @@ import torch
 
 from tests.export.glb_reader import GlbReader, to_z_up
 from uvcloth import ready
-from uvcloth.commands import animate as animation
-from uvcloth.commands import worn
-from uvcloth.commands.animate import animate
 from uvcloth.commands.rollout import Rollout
-from uvcloth.commands.summary import Totals
+from uvcloth.commands.run import rollout as animation
+from uvcloth.commands.run import worn
+from uvcloth.commands.run.rollout import animate
+from uvcloth.commands.run.summary import Totals
 from uvcloth.errors import InputError
 from uvcloth.export.animation import load_animation
 from uvcloth.export.pictures import COARSE_SHEET

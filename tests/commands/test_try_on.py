@@ -9,7 +9,7 @@ import pytest
 
 from tests.tryon.people import SIZE, openpose, pictured
 from uvcloth.bodies.body import load_body
-from uvcloth.commands.try_on import try_on
+from uvcloth.commands.run.tryon import try_on
 from uvcloth.commands.tryon import TryOn
 from uvcloth.errors import InputError
 from uvcloth.files.image import read_picture, write_png

@@ -9,7 +9,7 @@ import torch
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
 from uvcloth.commands.rollout import Rollout
-from uvcloth.commands.visible import visible_outfit
+from uvcloth.commands.run.visible import visible_outfit
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.proxy import ProxiedOutfit

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from uvcloth.bodies.body import Body
-from uvcloth.commands.examine_garment import examine
 from uvcloth.commands.fit import Fit
+from uvcloth.commands.run.fit import examine
 from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.formats.mesh_file import read_mesh

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.commands.bake import Bake
-from uvcloth.commands.bake_file import bake
 from uvcloth.commands.play import Play
+from uvcloth.commands.run.bake import bake
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit as WornOutfit
 from uvcloth.garments.templates import fit_template

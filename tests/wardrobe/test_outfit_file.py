@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from uvcloth.bodies.body import load_body, save_body
-from uvcloth.commands.make_outfits import make_outfits, split_of, wearer
 from uvcloth.commands.outfits import Outfits
+from uvcloth.commands.run.outfits import make_outfits, split_of, wearer
 from uvcloth.errors import InputError
 from uvcloth.files.options import check_options
 from uvcloth.wardrobe.outfit_file import load_outfit_file, load_pieces, on_body, outfit_files

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import (
     CHARACTERS,
     MOTION,
@@ -27,7 +28,7 @@ from uvcloth.motion.options import MotionOptions
 
 
 @dataclass(frozen=True)
-class Bake:
+class Bake(Command):
     """Dress a character for the runtime: one glTF binary that viewers show and `uvcloth play` moves."""
 
     garment: GarmentsInOrder
@@ -58,10 +59,7 @@ class Bake:
     """Fabric of the garments: one for all, or one for each."""
     options: MotionFile = field(default_factory=MotionOptions)
 
-    def run(self) -> None:
-        """Write the file and say what is in it. Raises InputError for bad input."""
+    def check(self) -> None:
+        """See Command."""
         if self.wrinkles_from and not self.wrinkles:
             raise InputError("--wrinkles-from: goes with --wrinkles")
-        from uvcloth.commands.bake_file import bake
-
-        print("\n".join(bake(self).lines()))

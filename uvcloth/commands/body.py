@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import ANNY, JSON, BodyFile
 from uvcloth.errors import InputError
 from uvcloth.files.options import Between, NewFile, NewFolder, Several, Source
@@ -38,7 +39,7 @@ class Phenotype:
 
 
 @dataclass(frozen=True)
-class MakeBody:
+class MakeBody(Command):
     """Make a body from phenotypes, a character or an SMPL model, or write the body of the package as a mesh
     to model on."""
 
@@ -76,13 +77,6 @@ class MakeBody:
     ] = ()
     """First shape parameters of the SMPL model."""
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
-
-    def run(self) -> None:
-        """Make the body and write it. Raises InputError for bad input."""
-        from uvcloth.commands.make_body import make
-
-        body = make(self)
-        print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
     def check(self) -> None:
         """Raise InputError for two sources of the body, options without their source, or without Anny."""

@@ -6,13 +6,14 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import FOLDER
 from uvcloth.errors import InputError
 from uvcloth.files.options import Between, NewFolder
 
 
 @dataclass(frozen=True)
-class Data:
+class Data(Command):
     """List the sequences of a folder, the refused ones with the reason, and those of its index that are
     missing.
     """
@@ -31,27 +32,7 @@ class Data:
     """Write body, motion, garments and simulation of the validation and test sequences as USD and Alembic
     instead, for other programs; `uvcloth evaluate --predicted` judges what they make of them."""
 
-    def run(self) -> None:
-        """List, pack, unpack or export. Raises InputError for bad input."""
+    def check(self) -> None:
+        """See Command."""
         if sum(target is not None for target in (self.pack, self.unpack, self.export)) > 1:
             raise InputError("data: give --pack, --unpack or --export, not several")
-        if self.pack:
-            from uvcloth.dataset.packed import pack_folder
-
-            print(f"{self.pack}: {pack_folder(self.folder, self.pack, 1e-3 * self.error)} sequences packed")
-            return
-        if self.unpack:
-            from uvcloth.dataset.packed import unpack_folder
-
-            print(f"{self.unpack}: {unpack_folder(self.folder, self.unpack)} sequences unpacked")
-            return
-        if self.export:
-            from uvcloth.export.benchmark import export_benchmark
-
-            print(f"{self.export}: {export_benchmark(self.folder, self.export)} sequences written")
-            return
-        from rich.console import Console
-
-        from uvcloth.simulate.overview import overview
-
-        Console().print(overview(self.folder), soft_wrap=True)

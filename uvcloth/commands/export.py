@@ -6,6 +6,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import (
     MOTION,
     ONNX,
@@ -24,7 +25,7 @@ from uvcloth.motion.options import MotionOptions
 
 
 @dataclass(frozen=True)
-class Export:
+class Export(Command):
     """Write a rig (PBNS, DeePSD, recurrent) for engines: skeleton, skin, blend shapes and motion."""
 
     model: Annotated[str, arg(metavar="NAME|RUN", help=f"A shipped model, {list_rigs()}, or {TRAINED}.")]
@@ -57,10 +58,7 @@ class Export:
     """Write the body too."""
     options: MotionFile = field(default_factory=MotionOptions)
 
-    def run(self) -> None:
-        """Write the rig and print what it costs. Raises InputError for bad input."""
+    def check(self) -> None:
+        """See Command."""
         if self.motion is None:
             ONNX.require()
-        from uvcloth.commands.export_rig import export
-
-        print("\n".join(export(self).lines()))

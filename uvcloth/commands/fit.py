@@ -6,12 +6,13 @@ from typing import Annotated, get_args
 
 from tyro.conf import Positional, arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import PNG, BodyFile, FromBody, GarmentPose, TemplateName
 from uvcloth.files.options import Between, NewFile, Source
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Command):
     """Explain a garment file, and check that it lies on the body as clothes do."""
 
     file: Positional[Annotated[Path, Source()]]
@@ -48,9 +49,3 @@ class Fit:
     picture: Annotated[Path | None, arg(metavar="PNG"), PNG] = Path("fit.png")
     """Picture of the garment on the body at rest, also if it is refused, and as cloth in a dance; None for no
     picture."""
-
-    def run(self) -> None:
-        """Print the description and write the files. Raises InputError for bad input."""
-        from uvcloth.commands.examine_garment import examine
-
-        print("\n".join(examine(self)))

@@ -6,12 +6,13 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import NPZ, BodyFile
 from uvcloth.files.options import Between, NewFolder, Text
 
 
 @dataclass(frozen=True)
-class Maps:
+class Maps(Command):
     """Write body velocity, body acceleration, garment offset and masks of a simulated sequence as UV maps."""
 
     sequence: Positional[Annotated[Path, NPZ]]
@@ -30,12 +31,3 @@ class Maps:
     """The body that the sequence was simulated on."""
     layout: Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the body's)"), NPZ] = None
     """Another UV layout of that body."""
-
-    def run(self) -> None:
-        """Write the maps. Raises InputError for bad input."""
-        from uvcloth.commands.draw_maps import draw_maps
-
-        print(
-            f"{self.out}: {draw_maps(self)} EXR files; contact_sheet.png has velocity, acceleration, offset "
-            "per frame"
-        )

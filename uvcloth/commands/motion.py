@@ -6,12 +6,13 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import MOTION, PNG, BodyFile, MotionFile
 from uvcloth.motion.options import MotionOptions
 
 
 @dataclass(frozen=True)
-class Motion:
+class Motion(Command):
     """Explain how a motion file is understood, and draw it as stick figures."""
 
     file: Positional[Annotated[str, arg(metavar="FILE|NAME"), MOTION]]
@@ -21,9 +22,3 @@ class Motion:
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     options: MotionFile = field(default_factory=MotionOptions)
-
-    def run(self) -> None:
-        """Print the description and write the picture. Raises InputError for bad input."""
-        from uvcloth.commands.describe_motion import describe
-
-        describe(self)

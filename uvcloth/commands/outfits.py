@@ -6,6 +6,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import ANNY, PNG, REMESHER, SEED, Jobs
 from uvcloth.errors import InputError
 from uvcloth.files.options import Between, NewFolder, Several, Source
@@ -14,7 +15,7 @@ FEWEST_VERTICES, MOST_VERTICES = 1000, 16000
 
 
 @dataclass(frozen=True)
-class Outfits:
+class Outfits(Command):
     """Make random outfits on bodies as training data: a JSON and OBJ files for each."""
 
     count: Annotated[int, Between(1, 100_000)]
@@ -54,16 +55,6 @@ class Outfits:
     """Number of processes."""
     picture: Annotated[Path | None, arg(metavar="PNG", help_behavior_hint=""), PNG] = None
     """Also draw a contact sheet of the first 48 outfits."""
-
-    def run(self) -> None:
-        """Make the outfits that are missing. Raises InputError for bad input."""
-        from uvcloth.commands.make_outfits import make_outfits
-        from uvcloth.commands.outfit_sheet import draw_sheet
-        from uvcloth.wardrobe.outfit_file import outfit_files
-
-        make_outfits(self)
-        if self.picture is not None:
-            draw_sheet(outfit_files(self.out), self.picture)
 
     def check(self) -> None:
         """Raise InputError for an unknown type, numbers that do not go together, or a missing package."""

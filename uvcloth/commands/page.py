@@ -6,13 +6,14 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import NPZ, TRAINED, BodyFile
 from uvcloth.files.options import NewFolder, Several, Source, Text
 from uvcloth.methods.registry import list_methods
 
 
 @dataclass(frozen=True)
-class Page:
+class Page(Command):
     """Write a web page on which clothes move without a server: a folder for any host, or one file."""
 
     out: Annotated[Path, NewFolder(or_file=".html")]
@@ -68,9 +69,3 @@ class Page:
     ] = ()
     body: BodyFile = None
     """With --simulated: the body of the simulation, made by `uvcloth body`."""
-
-    def run(self) -> None:
-        """Write the page and say where it is. Raises InputError for bad input."""
-        from uvcloth.commands.page_file import write_page
-
-        print("\n".join(write_page(self).lines()))

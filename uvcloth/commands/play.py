@@ -6,6 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import EXTRAS, FABRIC_NAMES, MOTION, MotionFile
 from uvcloth.errors import InputError
 from uvcloth.files.options import NewFile, Source
@@ -17,7 +18,7 @@ PLAYED = (".glb", ".usdc", ".usd", ".pc2", ".abc", ".obj", ".npz")
 
 
 @dataclass(frozen=True)
-class Play:
+class Play(Command):
     """Play a baked file: its cloth moves with an animation of the file, or with another motion."""
 
     file: Positional[Annotated[Path, Source((".glb",))]]
@@ -39,13 +40,10 @@ class Play:
     ] = ()
     """Weight and stiffness of the garments: one fabric for all, or one for each; friction and drag stay."""
 
-    def run(self) -> None:
-        """Write the file and say what a frame took. Raises InputError for bad input."""
+    def check(self) -> None:
+        """See Command."""
         options = self.options
         if self.motion is None and (
             options.up or options.joints or options.rest_frame is not None or options.in_place
         ):
             raise InputError("play: --up, --joints, --rest-frame and --in-place need --motion")
-        from uvcloth.commands.play_file import play
-
-        print("\n".join(play(self).lines()))

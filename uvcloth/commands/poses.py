@@ -6,13 +6,13 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import CSV, FOLDER, MOTIONS_OR_FOLDERS, SEED, BodyFile
-from uvcloth.files.atomic import make_folder
 from uvcloth.files.options import AtLeast, Between, NewFile
 
 
 @dataclass(frozen=True)
-class Poses:
+class Poses(Command):
     """Draw distinct poses without self-intersection of the body from motion capture."""
 
     out: Annotated[Path, NewFile((".npz",))]
@@ -38,21 +38,3 @@ class Poses:
     """Additional training poses that combine legs, trunk and arms of several drawn poses."""
     seed: Annotated[int, SEED] = 0
     """Random seed."""
-
-    def run(self) -> None:
-        """Draw the poses and write them. Raises InputError for bad input."""
-        from uvcloth.bodies.body import load_body
-        from uvcloth.motion.clip_splits import find_sources
-        from uvcloth.motion.draw_poses import draw_poses
-        from uvcloth.motion.poses import SPLITS, save_poses
-        from uvcloth.motion.recombine import recombine
-        from uvcloth.physics.self_contact import SelfContact
-
-        sources = find_sources(self.clips, self.windows, self.clips_from)
-        make_folder(self.out.parent)
-        body = load_body(self.body)
-        clear = SelfContact(body).clear
-        poses = draw_poses(sources, body, clear, self.apart, self.mirror, self.seed, self.every)
-        poses = recombine(poses, body, clear, self.recombine, self.seed)
-        save_poses(poses, self.out)
-        print(f"{self.out}: {', '.join(f'{len(poses.of(split))} {split}' for split in SPLITS)} poses")

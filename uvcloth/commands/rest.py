@@ -6,13 +6,14 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import CHARACTERS, FromBody, GarmentPose, Holds, Tucks
 from uvcloth.files.options import NewFile, Several, Source
 from uvcloth.physics.fabric import FabricName
 
 
 @dataclass(frozen=True)
-class Rest:
+class Rest(Command):
     """Say how garment files on a character are moved before they are baked, and write it as arrays."""
 
     garment: Annotated[tuple[str, ...], arg(metavar="FILE ..."), Source(), Several(least=1)]
@@ -27,9 +28,3 @@ class Rest:
     garment_pose: GarmentPose = None
     from_body: FromBody = None
     fabric: tuple[FabricName, ...] = ()
-
-    def run(self) -> None:
-        """Write the file and say what is in it. Raises InputError for bad input."""
-        from uvcloth.commands.rest_file import rest
-
-        print("\n".join(rest(self)))

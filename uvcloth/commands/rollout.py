@@ -1,12 +1,12 @@
 """`uvcloth rollout`: its options."""
 
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import (
     DEVICE,
     EXTRAS,
@@ -38,12 +38,9 @@ from uvcloth.motion.options import MotionOptions
 ANIMATIONS = (".glb", ".usdc", ".usd", ".pc2", ".abc", ".obj", ".npz", ".mp4", ".gif", ".png")
 """Suffixes of the files that are written."""
 
-if TYPE_CHECKING:
-    from uvcloth.commands.live_view import LiveAudience
-
 
 @dataclass(frozen=True)
-class Rollout:
+class Rollout(Command):
     """Move garments over a motion, and write files for engines, DCCs and players."""
 
     motion: Annotated[str, MOTION]
@@ -127,8 +124,8 @@ class Rollout:
     """Number of CPU threads; on a loaded machine several are slower than one."""
     options: MotionFile = field(default_factory=MotionOptions)
 
-    def run(self) -> None:
-        """Write the files and print a summary. Raises InputError for bad input."""
+    def check(self) -> None:
+        """See Command."""
         if not self.garment or not (self.out or self.view):
             raise InputError("rollout: name at least one garment and one file to write, or --view")
         if self.loop and self.preview:
@@ -137,16 +134,3 @@ class Rollout:
             raise InputError("--wrinkles-from: goes with --wrinkles")
         if self.wrinkles and self.loop:
             raise InputError("--wrinkles: cannot be closed into a loop yet, leave out --loop")
-        from uvcloth.commands.animate import animate
-        from uvcloth.commands.threads import limited_threads
-
-        with limited_threads(self.threads), self._audience() as audience:
-            print("\n".join(animate(self, audience).lines()), flush=True)
-
-    def _audience(self) -> "AbstractContextManager[LiveAudience | None]":
-        """The live view, with --view."""
-        if not self.view:
-            return nullcontext()
-        from uvcloth.commands.live_view import live_audience
-
-        return live_audience(self.host, self.port)

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import (
     CSV,
     DASK,
@@ -28,7 +29,7 @@ RUNNING = ("out", "clips_from", "engine", "fabric", "jobs", "scheduler")
 
 
 @dataclass(frozen=True)
-class Simulate:
+class Simulate(Command):
     """Simulate garments over clips with a cloth engine; run it again to continue."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
@@ -124,8 +125,8 @@ class Simulate:
     ] = False
     options: MotionFile = field(default_factory=MotionOptions)
 
-    def run(self) -> None:
-        """Simulate what is missing in the folder. Raises InputError for bad input."""
+    def check(self) -> None:
+        """See Command."""
         if not (self.clips or self.windows or self.plan) or not self.garment:
             raise InputError(
                 "simulate: name at least one clip (or --windows and a table) and one garment, or a --plan"
@@ -137,38 +138,7 @@ class Simulate:
             self._require_only(allowed, "--outfits, whose files name garments and bodies")
         elif self.most_frames is not None:
             raise InputError("--most-frames: needs --outfits; choose frames of clips with --windows")
-        self._simulate()
-
-    def _simulate(self) -> None:
-        """Simulate a plan, outfits, or garments over clips."""
         DASK.require()
-        from uvcloth.bodies.body import load_body
-        from uvcloth.simulate.batch import simulate_batch
-        from uvcloth.simulate.outfits import simulate_outfits
-        from uvcloth.simulate.plan import ClipSelection
-        from uvcloth.simulate.planned import simulate_plan
-        from uvcloth.simulate.workers import Workers
-
-        workers = Workers(self.jobs, self.scheduler)
-        if self.plan:
-            simulate_plan(self.plan, self.out, self.clips_from, self.engine, self.fabric, workers)
-            return
-        selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
-        if self.outfits:
-            simulate_outfits(
-                self.outfits, selection, self.out, self.most_frames, self.engine, self.fabric, workers
-            )
-            return
-        simulate_batch(
-            selection,
-            outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
-            out=self.out,
-            body=load_body(self.body),
-            engine=self.engine,
-            fabric=self.fabric,
-            ensemble=self.ensemble,
-            workers=workers,
-        )
 
     def _require_only(self, names: tuple[str, ...], reason: str) -> None:
         """Raise InputError, with the reason, for an option that would have no effect.

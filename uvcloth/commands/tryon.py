@@ -6,6 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import (
     GARMENT,
     JSON,
@@ -26,7 +27,7 @@ PHOTOGRAPH = Source((".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp"))
 
 
 @dataclass(frozen=True)
-class TryOn:
+class TryOn(Command):
     """Dress the person of a photograph: the body is posed by keypoints, and garments are drawn over it."""
 
     photo: Positional[Annotated[Path, PHOTOGRAPH]]
@@ -59,10 +60,3 @@ class TryOn:
     from_body: FromBody = None
     fabric: Fabrics = ()
     """Fabric of the garments: one for all, or one for each."""
-
-    def run(self) -> None:
-        """Write the pictures and say how well the body fits. Raises InputError for bad input."""
-        from uvcloth.commands.try_on import try_on
-
-        for line in try_on(self):
-            print(line)

@@ -6,13 +6,14 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from uvcloth.commands.command import Command
 from uvcloth.commands.options import MOTION, NPZ, BodyFile, Garments, Host, Port, Threads
 from uvcloth.files.options import Several, Source
 from uvcloth.methods.registry import DEFAULT, METHODS
 
 
 @dataclass(frozen=True)
-class View:
+class View(Command):
     """Choose and play rollouts in the browser, computed while they play."""
 
     motion: Positional[
@@ -42,11 +43,3 @@ class View:
     """Address to listen on; 0.0.0.0 admits other machines that have the token."""
     threads: Threads = 1
     """Number of CPU threads."""
-
-    def run(self) -> None:
-        """Serve the page until Ctrl-C. Raises InputError for bad input."""
-        from uvcloth.commands.live_view import view
-        from uvcloth.commands.threads import limited_threads
-
-        with limited_threads(self.threads):
-            view(self)

@@ -8,10 +8,10 @@ import pytest
 from tests.commands.chromium import Chromium
 from tests.commands.served import served
 from uvcloth.commands.bake import Bake
-from uvcloth.commands.bake_file import bake
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_characters import add_clips
-from uvcloth.commands.page_file import write_page
+from uvcloth.commands.run.bake import bake
+from uvcloth.commands.run.page import write_page
+from uvcloth.commands.run.page_characters import add_clips
 from uvcloth.motion.options import MotionOptions
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.commands.chromium import PROGRAM, Chromium
-from uvcloth.commands.page_file import WASM
+from uvcloth.commands.run.page import WASM
 
 needs_wasm = pytest.mark.skipif(
     not WASM.is_file(), reason="the runtime for WebAssembly is not compiled: make wasm"

@@ -19,7 +19,7 @@ from tests.commands.page.opened import (
     open_page,
 )
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_file import write_page
+from uvcloth.commands.run.page import write_page
 from uvcloth.player.baked import open_baked
 from uvcloth.player.outfit import Cloth, Outfit
 

@@ -10,7 +10,7 @@ from tests.commands.chromium import Chromium
 from tests.commands.page.opened import DROP, PLAYING, SAID, needs_browser, needs_wasm, open_page
 from tests.glb_json import edited
 from tests.motion.bvh_text import bvh_text, performer, still
-from uvcloth.commands.play_motion import retargeted
+from uvcloth.commands.run.play_motion import retargeted
 from uvcloth.motion.options import MotionOptions
 from uvcloth.player.baked import EXTENSION, open_baked
 

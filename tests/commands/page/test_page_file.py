@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from tests.commands.page.opened import needs_wasm
-from uvcloth.commands import page_file
 from uvcloth.commands.bake import Bake
-from uvcloth.commands.bake_file import bake
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_file import write_page
+from uvcloth.commands.run import page as page_file
+from uvcloth.commands.run.bake import bake
+from uvcloth.commands.run.page import write_page
 from uvcloth.errors import InputError
 from uvcloth.motion.options import MotionOptions
 

@@ -8,9 +8,9 @@ import pytest
 from tests.commands.chromium import Chromium
 from tests.commands.page.opened import MILLIMETRE, needs_browser, needs_wasm, open_page
 from uvcloth.commands.bake import Bake
-from uvcloth.commands.bake_file import bake
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_file import write_page
+from uvcloth.commands.run.bake import bake
+from uvcloth.commands.run.page import write_page
 from uvcloth.motion.options import MotionOptions
 from uvcloth.player.baked import open_baked
 from uvcloth.player.outfit import Cloth, Outfit

@@ -11,9 +11,9 @@ from tests.commands.chromium import Chromium
 from tests.commands.page.opened import MILLIMETRE, drag, needs_browser, needs_wasm, open_page
 from uvcloth.bodies.body import load_body
 from uvcloth.commands.bake import Bake
-from uvcloth.commands.bake_file import bake
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_file import write_page
+from uvcloth.commands.run.bake import bake
+from uvcloth.commands.run.page import write_page
 from uvcloth.dataset.clip import SimulatedClip, clip_of_garment
 from uvcloth.dataset.clip_file import load_simulated, save_simulated
 from uvcloth.errors import InputError

@@ -13,7 +13,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.checkpoint import load_checkpoint
 from uvcloth.commands.export import Export
-from uvcloth.commands.export_rig import export
+from uvcloth.commands.run.export import export
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.pbns.method import PBNS

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from uvcloth.commands.options import GARMENT
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_characters import (
+from uvcloth.commands.run.page_characters import (
     Character,
     add_animations,
     load_characters,
     open_whole,
 )
-from uvcloth.commands.page_methods import PageMethod
+from uvcloth.commands.run.page_methods import PageMethod
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.dataset.predicted_file import READERS, read_prediction
@@ -86,7 +86,7 @@ def _baked(
 ) -> tuple[Path, Path]:
     """The template of a garment's name on a body, in default and fast quality."""
     from uvcloth.commands.bake import Bake
-    from uvcloth.commands.bake_file import bake
+    from uvcloth.commands.run.bake import bake
 
     if garment.name not in GARMENT.names():
         raise InputError(
@@ -111,7 +111,7 @@ def _fabric(clip: SimulatedClip) -> FabricName | None:
 
 def _models(command: Page, path: Path, clip: SimulatedClip, garment: SimulatedGarment) -> list[PageMethod]:
     """The models of `--model`, over the motion of the simulation."""
-    from uvcloth.commands.page_models import model_methods
+    from uvcloth.commands.run.page_models import model_methods
 
     if command.model and garment.name not in GARMENT.names():
         raise InputError(f"--model: {garment.name} of {path} is no template; use --predicted")

@@ -26,6 +26,12 @@ from uvcloth.files.image import write_png
 from uvcloth.motion.roles import read_role_map
 
 
+def run(command: MakeBody) -> None:
+    """Make the body and write it. Raises InputError for bad input."""
+    body = make(command)
+    print(f"{command.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
+
+
 def make(command: MakeBody) -> Body:
     """Make a body and write it to one file, in the format of its suffix.
 

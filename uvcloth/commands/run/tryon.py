@@ -7,13 +7,19 @@ from functools import partial
 from rich.console import Console
 
 from uvcloth.bodies.body import load_body
+from uvcloth.commands.run.worn import load_wanted_method, load_worn
 from uvcloth.commands.tryon import TryOn
-from uvcloth.commands.worn import load_wanted_method, load_worn
 from uvcloth.files.image import read_picture, write_png
 from uvcloth.ready import ready_rollout
 from uvcloth.tryon.fit import fit_person, require_fit
 from uvcloth.tryon.keypoints import read_keypoints
 from uvcloth.tryon.picture import dressed_picture, fitted_picture
+
+
+def run(command: TryOn) -> None:
+    """Write the pictures and say how well the body fits. Raises InputError for bad input."""
+    for line in try_on(command):
+        print(line)
 
 
 def try_on(command: TryOn) -> Iterator[str]:

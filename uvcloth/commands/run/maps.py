@@ -15,6 +15,12 @@ from uvcloth.files.image import atomic_image, write_png
 from uvcloth.formats.layout_file import load_layout
 
 
+def run(command: Maps) -> None:
+    """Write the maps. Raises InputError for bad input."""
+    count = draw_maps(command)
+    print(f"{command.out}: {count} EXR files; contact_sheet.png has velocity, acceleration, offset per frame")
+
+
 def draw_maps(command: Maps) -> int:
     """Write one EXR file per frame of a sequence, and contact_sheet.png; returns the number of frames.
 

@@ -24,7 +24,7 @@ UNIT_ERROR = 1.25
 """Factor by which a leg in one of the units may be longer or shorter than the body's."""
 
 
-def describe(command: Motion) -> None:
+def run(command: Motion) -> None:
     """Print how a motion file is understood, and write a sheet of stick figures.
 
     Raises InputError as `load_clip` does, after the readable part is printed; for an impossible motion, after

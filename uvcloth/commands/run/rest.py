@@ -6,12 +6,17 @@ from pathlib import Path
 import numpy as np
 
 from uvcloth.commands.rest import Rest
-from uvcloth.commands.wearer import load_wearer
-from uvcloth.commands.worn import load_worn
+from uvcloth.commands.run.wearer import load_wearer
+from uvcloth.commands.run.worn import load_worn
 from uvcloth.errors import InputError
 from uvcloth.files.archive import save_arrays
 from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.starts import starts
+
+
+def run(command: Rest) -> None:
+    """Write the file and say what is in it. Raises InputError for bad input."""
+    print("\n".join(rest(command)))
 
 
 def rest(command: Rest) -> list[str]:

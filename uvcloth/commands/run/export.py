@@ -60,6 +60,11 @@ class Exported:
         yield _line(f"{len(self.rigged.rig.resting)} blend shapes cost", self.rigged.fewer)
 
 
+def run(command: Export) -> None:
+    """Write the rig and print what it costs. Raises InputError for bad input."""
+    print("\n".join(export(command).lines()))
+
+
 def export(command: Export) -> Exported:
     """Write a model as a rig that moves to a motion, or at rest with its pose embedding as .onnx beside it.
 

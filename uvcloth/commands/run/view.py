@@ -10,10 +10,17 @@ from rich.console import Console
 from uvcloth.bodies.body import Body
 from uvcloth.commands.view import View
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.process.threads import limited_threads
 from uvcloth.rollout import RolloutFrame
 from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance
 from uvcloth.view.viewer import Viewer
+
+
+def run(command: View) -> None:
+    """Serve the page until Ctrl-C. Raises InputError for bad input."""
+    with limited_threads(command.threads):
+        view(command)
 
 
 def view(command: View) -> None:

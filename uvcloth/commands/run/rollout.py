@@ -1,7 +1,7 @@
 """Animation files of garments that move over a motion."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -15,9 +15,10 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.visible import visible_body
 from uvcloth.commands.rollout import Rollout
-from uvcloth.commands.summary import Summary, Totals
-from uvcloth.commands.visible import visible_outfit
-from uvcloth.commands.worn import load_wanted_method, load_worn
+from uvcloth.commands.run.summary import Summary, Totals
+from uvcloth.commands.run.view import live_audience
+from uvcloth.commands.run.visible import visible_outfit
+from uvcloth.commands.run.worn import load_wanted_method, load_worn
 from uvcloth.errors import InputError
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.shot import Shot
@@ -28,6 +29,7 @@ from uvcloth.motion.library import load_clip
 from uvcloth.physics.cloth_exposure import ClothExposure
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.hidden_skin import HiddenSkin
+from uvcloth.process.threads import limited_threads
 from uvcloth.ready import find_device, ready_rollout
 from uvcloth.rollout import BrokenRolloutError, RolloutFrame
 
@@ -49,6 +51,13 @@ GO_ON = "--keep-going writes all frames, with linear blend skinning where a garm
 
 EVERY_IN_PREVIEW = 3
 """A preview shows one of this many frames."""
+
+
+def run(command: Rollout) -> None:
+    """Write the files and print a summary. Raises InputError for bad input."""
+    audience = live_audience(command.host, command.port) if command.view else nullcontext()
+    with limited_threads(command.threads), audience as watching:
+        print("\n".join(animate(command, watching).lines()), flush=True)
 
 
 def animate(command: Rollout, audience: Audience | None = None) -> Summary:

@@ -32,6 +32,11 @@ class Played:
         ]
 
 
+def run(command: Play) -> None:
+    """Write the file and say what a frame took. Raises InputError for bad input."""
+    print("\n".join(play(command).lines()))
+
+
 def play(command: Play) -> Played:
     """Play a baked file and write what it dresses.
 
@@ -90,7 +95,7 @@ def _change_fabrics(cloth: Cloth, baked: BakedFile, names: Sequence[FabricName])
 def _motion(command: Play, baked: BakedFile) -> JointMotion:
     """The motion that is asked for: an animation of the file, or one from elsewhere, retargeted."""
     if command.motion is not None:
-        from uvcloth.commands.play_motion import retargeted
+        from uvcloth.commands.run.play_motion import retargeted
 
         return retargeted(baked, command.motion, command.options)
     motion = baked.motion(command.options.animation, command.options.fps)
@@ -110,7 +115,7 @@ def _dressed(cloth: Cloth, motion: JointMotion, garments: int) -> Iterator[list[
 def _write(path: Path, baked: BakedFile, motion: JointMotion, garments: list[np.ndarray]) -> tuple[Path, ...]:
     """Write the frames in the format of the suffix; returns the files."""
     if path.suffix.lower() != ".glb":
-        from uvcloth.commands.play_elsewhere import write_garments
+        from uvcloth.commands.run.play_elsewhere import write_garments
 
         return write_garments(path, baked, motion, garments)
     document, time = played_document(baked, motion)

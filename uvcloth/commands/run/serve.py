@@ -23,6 +23,7 @@ from tyro.extras import subcommand_cli_from_dict
 from uvcloth.commands.bake import Bake
 from uvcloth.commands.log import printed_log
 from uvcloth.commands.rest import Rest
+from uvcloth.commands.serve import Serve
 from uvcloth.errors import InputError
 from uvcloth.files.options import parsed
 from uvcloth.process.command import one_line, refusal
@@ -38,7 +39,7 @@ LONGEST_REQUEST = 1_000_000
 """Bytes of a line that is read."""
 
 
-def serve_standard_streams() -> None:
+def run(_: Serve) -> None:
     """Serve over the standard streams, until the input ends; then the process ends.
 
     What libraries print to the standard output goes to the standard error.

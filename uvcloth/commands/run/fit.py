@@ -39,6 +39,11 @@ SIZE = (300, 440)
 """Width and height of a view in pixels."""
 
 
+def run(command: Fit) -> None:
+    """Print the description and write the files. Raises InputError for bad input."""
+    print("\n".join(examine(command)))
+
+
 def examine(command: Fit) -> list[str]:
     """Fit a garment file to a body and describe it, line by line.
 

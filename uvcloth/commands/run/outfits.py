@@ -13,8 +13,9 @@ from rich.console import Console
 from rich.progress import Progress
 
 from uvcloth.bodies.body import Body, load_body, save_body
-from uvcloth.commands.make_body import anny_progress
 from uvcloth.commands.outfits import Outfits
+from uvcloth.commands.run.body import anny_progress
+from uvcloth.commands.run.outfit_sheet import draw_sheet
 from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.files.atomic import sole_writer
@@ -26,6 +27,7 @@ from uvcloth.wardrobe.outfit_file import (
     OutfitFile,
     PieceFile,
     load_outfit_file,
+    outfit_files,
     save_outfit_file,
 )
 
@@ -59,6 +61,13 @@ class _Made:
 
     refused: tuple[str, ...] = ()
     failed: str = ""
+
+
+def run(command: Outfits) -> None:
+    """Make the outfits that are missing. Raises InputError for bad input."""
+    make_outfits(command)
+    if command.picture is not None:
+        draw_sheet(outfit_files(command.out), command.picture)
 
 
 def make_outfits(settings: Outfits) -> None:

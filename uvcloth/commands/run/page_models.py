@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.commands.page_methods import PageMethod
+from uvcloth.commands.run.page_methods import PageMethod
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.errors import InputError
 from uvcloth.export.page_frames import pack_frames

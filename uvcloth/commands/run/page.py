@@ -12,8 +12,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_characters import Character, bake_own, load_characters
-from uvcloth.commands.page_comparison import compared_character
+from uvcloth.commands.run.page_characters import Character, bake_own, load_characters
+from uvcloth.commands.run.page_comparison import compared_character
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write
 from uvcloth.physics.fabric import FABRICS
@@ -51,6 +51,11 @@ class Written:
         """Text of the result for a terminal, line by line."""
         parts = ", ".join(f"{name} {size / 1e6:.2f}" for name, size in self.sizes.items() if size >= 5e4)
         return [f"{self.page}: {sum(self.sizes.values()) / 1e6:.2f} MB", f"of which, in MB: {parts}"]
+
+
+def run(command: Page) -> None:
+    """Write the page and say where it is. Raises InputError for bad input."""
+    print("\n".join(write_page(command).lines()))
 
 
 def write_page(command: Page) -> Written:

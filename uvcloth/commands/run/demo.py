@@ -14,16 +14,17 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.commands.animate import animate
 from uvcloth.commands.bake import Bake
-from uvcloth.commands.bake_file import bake
+from uvcloth.commands.demo import Demo
 from uvcloth.commands.export import Export
-from uvcloth.commands.export_rig import export
 from uvcloth.commands.page import Page
-from uvcloth.commands.page_file import WASM, write_page
 from uvcloth.commands.play import Play
-from uvcloth.commands.play_file import play
 from uvcloth.commands.rollout import Rollout
+from uvcloth.commands.run.bake import bake
+from uvcloth.commands.run.export import export
+from uvcloth.commands.run.page import WASM, write_page
+from uvcloth.commands.run.play import play
+from uvcloth.commands.run.rollout import animate
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
@@ -114,6 +115,11 @@ class Snapshots:
         """Keep the garments of a frame that is wanted."""
         if frame.index in self.wanted:
             self.garments.append(frame.vertices)
+
+
+def run(command: Demo) -> None:
+    """Write all results. Raises InputError for bad input."""
+    demonstrate(command.out, command.long)
 
 
 def demonstrate(out: Path, long: bool = False) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from uvcloth.commands.page_methods import PageMethod
+from uvcloth.commands.run.page_methods import PageMethod
 from uvcloth.errors import InputError
 from uvcloth.player.baked import BakedFile, open_baked
 from uvcloth.player.outfit import Outfit
@@ -106,8 +106,8 @@ def _require_same(other: BakedFile, baked: BakedFile) -> None:
 def bake_own() -> tuple[Character, ...]:
     """Our own body in some garments, in default and fast quality and as a recurrent rig, with some clips."""
     from uvcloth.commands.bake import Bake
-    from uvcloth.commands.bake_file import bake
-    from uvcloth.commands.page_models import recurrent_of
+    from uvcloth.commands.run.bake import bake
+    from uvcloth.commands.run.page_models import recurrent_of
 
     with tempfile.TemporaryDirectory(prefix="uvcloth-page-") as folder:
         paths = {name: Path(folder) / f"{name}.glb" for name in SHOWN}

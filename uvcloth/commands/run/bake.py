@@ -12,8 +12,8 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.visible import visible_body
 from uvcloth.characters.joints import OwnJoints
 from uvcloth.commands.bake import Bake
-from uvcloth.commands.wearer import load_wearer
-from uvcloth.commands.worn import load_worn
+from uvcloth.commands.run.wearer import load_wearer
+from uvcloth.commands.run.worn import load_worn
 from uvcloth.errors import InputError
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf_cloth import add_cloth, add_cloth_skin, add_own_body, animate_cloth
@@ -48,6 +48,11 @@ class Baked:
             f"{self.size / 1e6:.2f} MB",
             f"{', '.join(self.garments)}; {self.joints} joints",
         ]
+
+
+def run(command: Bake) -> None:
+    """Write the file and say what is in it. Raises InputError for bad input."""
+    print("\n".join(bake(command).lines()))
 
 
 def bake(command: Bake) -> Baked:
