@@ -37,7 +37,7 @@ from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.process.command import run_command
-from uvcloth.rollout import prepare_rollout
+from uvcloth.rollouts.rollout import prepare_rollout
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.fabric import FABRICS
 from uvcloth.process.command import run_command
-from uvcloth.rollout import STRETCHED, PreparedRollout, prepare_rollout
+from uvcloth.rollouts.rollout import STRETCHED, PreparedRollout, prepare_rollout
 
 OUTFITS = (("dress",), ("bottoms", "tops"), ("tops", "skirt"), ("bottoms", "shirt", "jacket"))
 BODIES = ("default", "slim", "tall", "petite", "sturdy", "muscular", "heavy")

@@ -41,7 +41,7 @@ from uvcloth.methods.method import Method
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.surface import BodySurface
-from uvcloth.render import BODY_COLOR, Surface, contact_sheet, render, three_quarter
+from uvcloth.rendering.render import BODY_COLOR, Surface, contact_sheet, render, three_quarter
 
 CPU = torch.device("cpu")
 VERTICES = 3000

@@ -51,12 +51,12 @@ from uvcloth.motion.library import load_clip
 from uvcloth.physics.cloth.solver import Settings
 from uvcloth.physics.fabric import Fabric
 from uvcloth.process.command import run_command
-from uvcloth.simulate.blender import PYTHON_VARIABLE, find_blender
-from uvcloth.simulate.engine import Engine, Frame, Scene
-from uvcloth.simulate.explicit import Explicit
-from uvcloth.simulate.quality_check import examine
-from uvcloth.simulate.remeshed import Remeshed
-from uvcloth.simulate.run import run_up, simulate
+from uvcloth.simulation.blender import PYTHON_VARIABLE, find_blender
+from uvcloth.simulation.engine import Engine, Frame, Scene
+from uvcloth.simulation.explicit import Explicit
+from uvcloth.simulation.quality_check import examine
+from uvcloth.simulation.remeshed import Remeshed
+from uvcloth.simulation.run import run_up, simulate
 
 MOCAP = Path(os.environ.get("UVCLOTH_MOCAP", Path(__file__).parents[2] / "shared" / "mocap"))
 

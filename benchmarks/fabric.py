@@ -26,7 +26,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.methods.registry import load_method
 from uvcloth.process.command import run_command
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
 FABRICS = ((11.6, 1.7e-6), (23.1, 8.7e-6), (34.6, 1.7e-5), (46.2, 8.7e-5), (57.7, 1.7e-4))
 """Stretch, N/m, and bend, N m: the paper's weights of 5 to 25 N/m and 1e-6 to 1e-4 J."""

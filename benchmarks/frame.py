@@ -42,7 +42,7 @@ from uvcloth.methods.registry import load_method
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.process.command import run_command
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 STAGES = {
     "body": "uvcloth.bodies.stream:body_frames",

@@ -36,8 +36,8 @@ from uvcloth.commands.run import outfits as make_outfits
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.poses import save_poses
 from uvcloth.process.command import run_command
-from uvcloth.simulate import batch, unfinished
-from uvcloth.simulate.engines import ENGINES
+from uvcloth.simulation import batch, unfinished
+from uvcloth.simulation.engines import ENGINES
 
 FORMATS = ("npz", "glb", "usdc", "abc", "pc2", "obj", "mp4", "gif", "png")
 MOVING = ("--motion", "walk", "--frames", "0:4")

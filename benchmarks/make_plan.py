@@ -10,7 +10,7 @@ from pathlib import Path
 
 from uvcloth.dataset.folder import MEMBERS
 from uvcloth.motion.index import UNUSED, Entry, read_index
-from uvcloth.simulate.plan import interleaved
+from uvcloth.simulation.plan import interleaved
 
 GARMENTS = ("tops", "bottoms", "dress", "shirt", "skirt", "jacket")
 LAYERS = "bottoms+shirt+jacket"

@@ -25,8 +25,8 @@ from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.surface import closest_points
-from uvcloth.rollout import rollout
-from uvcloth.simulate.tracking import FineGarment, Tracking, track
+from uvcloth.rollouts.rollout import rollout
+from uvcloth.simulation.tracking import FineGarment, Tracking, track
 
 START_APART = 1e-4
 """Metres, standard deviation of what members differ by at the start."""

@@ -24,7 +24,6 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.export.writer import open_writer
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.joined import join
@@ -35,10 +34,11 @@ from uvcloth.methods.motion_guided.method import MotionGuided
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
-from uvcloth.rollout import rollout
-from uvcloth.simulate.explicit import Explicit
-from uvcloth.simulate.run import simulate
+from uvcloth.rollouts.rollout import rollout
+from uvcloth.simulation.explicit import Explicit
+from uvcloth.simulation.run import simulate
 from uvcloth.wardrobe.tailor import tailor
+from uvcloth.writers.writer import open_writer
 
 
 @dataclass(frozen=True)

@@ -51,17 +51,17 @@ class Room:
 ROOMS = {
     "export": Room(
         (
-            *("uvcloth/export/gltf*.py", "uvcloth/export/usd*.py", "uvcloth/export/obj*.py"),
-            *(f"uvcloth/export/{name}.py" for name in ("alembic", "animation", "glb", "pointcache", "rig")),
+            *("uvcloth/writers/gltf*.py", "uvcloth/writers/usd*.py", "uvcloth/writers/obj*.py"),
+            *(f"uvcloth/writers/{name}.py" for name in ("alembic", "animation", "glb", "pointcache", "rig")),
         ),
         (
-            "tests/export/test_oracle.py",
-            *(f"tests/export/test_{name}*.py" for name in ("gltf", "usd", "alembic", "obj", "pointcache")),
-            *(f"tests/export/test_{name}.py" for name in ("survival", "rig", "writer", "full_disk")),
+            "tests/writers/test_oracle.py",
+            *(f"tests/writers/test_{name}*.py" for name in ("gltf", "usd", "alembic", "obj", "pointcache")),
+            *(f"tests/writers/test_{name}.py" for name in ("survival", "rig", "writer", "full_disk")),
         ),
     ),
     "rollout": Room(
-        ("uvcloth/rollout.py", "uvcloth/looped.py"),
+        ("uvcloth/rollouts/rollout.py", "uvcloth/rollouts/looped.py"),
         ("tests/test_rollout.py", "tests/test_looped.py", "tests/test_places.py"),
     ),
     "physics": Room(("uvcloth/physics/*.py",), ("tests/physics/test_*.py",)),

@@ -35,7 +35,7 @@ from uvcloth.methods.capabilities import before_finish
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import load_method
 from uvcloth.process.command import run_command
-from uvcloth.rollout import prepare_rollout
+from uvcloth.rollouts.rollout import prepare_rollout
 
 MEASURES = ("vertex_mean_mm", "vertex_mse_mm2", "map_mse_mm2", "edge_mm", "bend_cos", "inside_percent", "ms")
 FED_BACK = ("one_step_mm", "rollout_50_mm", "vertex_mean_mm_finished")

@@ -19,7 +19,7 @@ from typing import Any
 import torch
 import tyro
 
-from tests.simulate.physics.experiments import (
+from tests.simulation.physics.experiments import (
     DISC,
     LIMP,
     STOP,
@@ -36,12 +36,12 @@ from tests.simulate.physics.experiments import (
     slide_theory,
     swing,
 )
-from tests.simulate.physics.scenes import FPS, play, scene, sheet
+from tests.simulation.physics.scenes import FPS, play, scene, sheet
 from uvcloth.physics.cloth.solver import Settings
 from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.process.command import run_command
-from uvcloth.simulate.blender import find_blender
-from uvcloth.simulate.explicit import Explicit
+from uvcloth.simulation.blender import find_blender
+from uvcloth.simulation.explicit import Explicit
 
 SETTINGS: dict[str, Callable[[], Any]] = {
     "explicit": Explicit,

@@ -26,7 +26,7 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.process.command import run_command
-from uvcloth.rollout import PreparedRollout, prepare_rollout
+from uvcloth.rollouts.rollout import PreparedRollout, prepare_rollout
 from uvcloth.wrinkles.model import SHIPPED, load_wrinkles
 from uvcloth.wrinkles.outfit import WrinkledOutfit
 

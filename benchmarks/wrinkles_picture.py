@@ -15,7 +15,7 @@ import numpy as np
 import torch
 import tyro
 
-import uvcloth.render as studio
+import uvcloth.rendering.render as studio
 from train.wrinkles.frames import FineTexels, run_files, run_frames
 from train.wrinkles.tracked_runs import LED_IN, coarse_garment, load_run
 from uvcloth.bodies.body import load_body
@@ -24,7 +24,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.physics.outfit_clearing import OutfitClearing
 from uvcloth.process.command import run_command
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 from uvcloth.wrinkles.model import load_wrinkles
 from uvcloth.wrinkles.outfit import WrinkledOutfit
 from uvcloth.wrinkles.sheet import Sheet

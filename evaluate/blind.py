@@ -12,11 +12,11 @@ import torch
 from torch import Tensor
 
 from uvcloth.errors import InputError
-from uvcloth.export.video import open_video
 from uvcloth.files.atomic import atomic_write
 from uvcloth.geometry.mesh import join_meshes
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, render, three_quarter
-from uvcloth.rollout import prepare_rollout
+from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Surface, render, three_quarter
+from uvcloth.rollouts.rollout import prepare_rollout
+from uvcloth.writers.video import open_video
 
 from .candidates import SIMULATION, Candidate
 from .case import Case

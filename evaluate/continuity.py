@@ -5,7 +5,7 @@ from itertools import islice
 import torch
 from torch import Tensor
 
-from uvcloth.rollout import PreparedRollout
+from uvcloth.rollouts.rollout import PreparedRollout
 
 from .case import Case
 from .metrics import MM

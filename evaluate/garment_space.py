@@ -9,7 +9,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.methods.capabilities import GarmentSpace, garment_space
-from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
+from uvcloth.rendering.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
 
 from .candidates import SIMULATION, Candidate
 from .progress import progress

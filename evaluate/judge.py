@@ -10,7 +10,7 @@ from torch import Tensor
 
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
 from uvcloth.methods.capabilities import round_trip
-from uvcloth.rollout import PreparedRollout, prepare_rollout
+from uvcloth.rollouts.rollout import PreparedRollout, prepare_rollout
 
 from .body_scores import body_scores
 from .candidates import Candidate

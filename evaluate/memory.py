@@ -14,7 +14,7 @@ from torch import Tensor
 from uvcloth.garments.garment import Outfit
 from uvcloth.methods.method import Method
 from uvcloth.process.pool import pool
-from uvcloth.rollout import prepare_rollout
+from uvcloth.rollouts.rollout import prepare_rollout
 
 from .candidates import Candidate, assigned
 from .progress import progress

@@ -10,7 +10,7 @@ from torch import Tensor
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import join_meshes
-from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
+from uvcloth.rendering.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
 
 from .case import outfit_name
 from .progress import progress

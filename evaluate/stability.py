@@ -12,7 +12,7 @@ from uvcloth.garments.garment import Garment
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import skin_frames
 from uvcloth.methods.capabilities import feed_back
-from uvcloth.rollout import PreparedRollout
+from uvcloth.rollouts.rollout import PreparedRollout
 
 from .case import Case
 from .metrics import distance_scores

@@ -19,15 +19,15 @@ from uvcloth import cli
 from uvcloth.api import _sources
 from uvcloth.bodies.body import Body, resized, save_body
 from uvcloth.dataset.clip_file import load_simulated
-from uvcloth.export.animation import load_animation
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.templates import fit_template
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.fabric import FABRICS
-from uvcloth.rollout import JUMPED, RolloutFrame
-from uvcloth.simulate import batch
+from uvcloth.rollouts.rollout import JUMPED, RolloutFrame
+from uvcloth.simulation import batch
+from uvcloth.writers.animation import load_animation
+from uvcloth.writers.obj import save_obj
 
 ROOT = Path(__file__).parents[1]
 
@@ -280,7 +280,7 @@ def test_difficult_and_replaced_frames_are_logged(
             for index in range(3)
         ]  # fmt: skip
 
-    monkeypatch.setattr("uvcloth.ready.rollout_proxied", frames)
+    monkeypatch.setattr("uvcloth.rollouts.ready.rollout_proxied", frames)
     uvcloth.rollout("lbs", walk, tops, keep_going=True)
     assert [(record.name, record.levelname, record.getMessage()) for record in caplog.records] == [
         ("uvcloth.api", "WARNING", "frame 1: garment tops is torn; replaced by linear blend skinning"),

@@ -11,7 +11,7 @@ from typing import get_args
 
 import pytest
 
-from tests.export.glb_reader import GlbReader
+from tests.writers.glb_reader import GlbReader
 from uvcloth import cli
 from uvcloth.commands import options, simulate
 from uvcloth.errors import InputError
@@ -43,7 +43,7 @@ def test_the_names_that_options_take_are_those_of_the_tables():
     """They are written out so that `--help` imports nothing heavy."""
     from uvcloth.garments.templates import TEMPLATES
     from uvcloth.physics.fabric import FABRICS
-    from uvcloth.simulate.engines import ENGINES
+    from uvcloth.simulation.engines import ENGINES
 
     assert get_args(options.TemplateName) == tuple(options.TEMPLATE_NAMES.split(", ")) == tuple(TEMPLATES)
     assert get_args(options.FabricName) == tuple(options.FABRIC_NAMES.split("|")) == tuple(FABRICS)
@@ -68,10 +68,10 @@ def test_help_imports_nothing_heavy():
 @pytest.fixture
 def simulated(body, tmp_path):
     """A folder in which the sequence of the tops over the built-in walk is there already."""
-    from tests.simulate.skinned import skinned_sequence
+    from tests.simulation.skinned import skinned_sequence
     from uvcloth.dataset.clip_file import save_simulated
     from uvcloth.garments.templates import fit_template
-    from uvcloth.simulate.explicit import Explicit
+    from uvcloth.simulation.explicit import Explicit
 
     made = skinned_sequence(fit_template("tops", body), body)
     made_by = {"body_hash": body.identity.shape, **json.loads(json.dumps(Explicit().describe()))}
@@ -94,7 +94,7 @@ def test_simulate_says_which_option_does_not_go_with_what_is_there(
     monkeypatch, capsys, simulated, body, tmp_path
 ):
     from uvcloth.bodies.body import save_body
-    from uvcloth.simulate.engines import ENGINES
+    from uvcloth.simulation.engines import ENGINES
 
     other = SimpleNamespace(describe=lambda: {"engine": "blender.cloth", "settings": {}})
     monkeypatch.setitem(ENGINES, "blender", lambda: other)
@@ -114,9 +114,9 @@ def test_simulate_says_which_option_does_not_go_with_what_is_there(
 def test_simulate_writes_an_ensemble_into_folders_of_its_members(monkeypatch, capsys, simulated):
     """Only the missing members are simulated, each with its own engine."""
     from uvcloth.dataset.clip_file import load_simulated, save_simulated
-    from uvcloth.simulate import batch
-    from uvcloth.simulate.explicit import Explicit
-    from uvcloth.simulate.members import member_engine
+    from uvcloth.simulation import batch
+    from uvcloth.simulation.explicit import Explicit
+    from uvcloth.simulation.members import member_engine
 
     asked = []
     monkeypatch.setattr(batch, "simulate_all", lambda todo, *_: asked.extend(todo))

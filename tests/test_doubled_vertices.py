@@ -5,15 +5,15 @@ from pathlib import Path
 import torch
 
 from uvcloth.bodies.body import Body
-from uvcloth.export.gltf_scene import split_seams
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.library import load_clip
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
+from uvcloth.writers.gltf_scene import split_seams
+from uvcloth.writers.obj import save_obj
 
 FRAMES = 4
 """Frames from the midst of the walk, where the arms swing."""

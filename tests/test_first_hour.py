@@ -17,12 +17,12 @@ from tests.motion.layouts import write_layout
 from uvcloth.bodies.body import Body
 from uvcloth.cli import main
 from uvcloth.commands.run import view as live_view
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.library import load_clip
 from uvcloth.view.viewer import Viewer
+from uvcloth.writers.obj import save_obj
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "first_hour.md").read_text(encoding="utf-8")

@@ -21,15 +21,8 @@ brought("torch", "numpy", "scipy", "warp", "tyro", "rich", "uvcloth.api")
 import uvcloth.geometry.skinning
 brought("kornia")
 
-import uvcloth.export.writer, uvcloth.rollout, uvcloth.simulate.plan
-from uvcloth.rollout import prepare_rollout
-from uvcloth.export import writer
-from uvcloth import export, rollout, simulate
-modules = [each.__module__ for each in (export, rollout, simulate)]
-print(modules, rollout is uvcloth.rollout, writer.__name__, prepare_rollout.__module__)
-
-import uvcloth.api, uvcloth.ready, uvcloth.garments.templates
-import uvcloth.simulate.batch, uvcloth.simulate.run, uvcloth.commands.run.rollout
+import uvcloth.api, uvcloth.rollouts.ready, uvcloth.garments.templates
+import uvcloth.simulation.batch, uvcloth.simulation.run, uvcloth.commands.run.rollout
 import uvcloth.wardrobe.sew, evaluate.judge, evaluate.report
 brought("warp")
 """
@@ -51,11 +44,6 @@ def test_vectors_rotate_without_kornia(lines: list[str]) -> None:
     assert lines[1] == "[]"
 
 
-def test_the_functions_keep_their_names_whatever_is_imported_first(lines: list[str]) -> None:
-    """`export`, `rollout` and `simulate` are modules as well, which Python would put in their place."""
-    assert lines[2] == f"{['uvcloth.api'] * 3} True uvcloth.export.writer uvcloth.rollout"
-
-
 def test_warp_is_loaded_by_training_alone(lines: list[str]) -> None:
     """It takes a second to start, which nobody who dresses or simulates a motion should wait for."""
-    assert lines[3] == "[]"
+    assert lines[2] == "[]"

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from uvcloth.bodies.body import Body
-from uvcloth.export.animation import Animation
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.templates import fit_template
 from uvcloth.motion.library import load_clip
+from uvcloth.writers.animation import Animation
+from uvcloth.writers.obj import save_obj
 
 ROOT = Path(__file__).parents[1]
 PAGES = {"docs/library.md": 8, "README.md": 1}

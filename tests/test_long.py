@@ -11,12 +11,12 @@ import torch
 from evaluate.memory import process_megabytes
 from tests.small_body import small_body
 from tests.test_rollout import FPS, outfit
-from uvcloth.export.animation import Animation, local_pose
-from uvcloth.export.usd import write_usd
-from uvcloth.export.writer import open_writer
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.methods.registry import load_method
-from uvcloth.rollout import prepare_rollout
+from uvcloth.rollouts.rollout import prepare_rollout
+from uvcloth.writers.animation import Animation, local_pose
+from uvcloth.writers.usd import write_usd
+from uvcloth.writers.writer import open_writer
 
 FRAMES = 360
 

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from tests.export.glb_reader import GlbReader
 from tests.test_rollout import Recorder, outfit
+from tests.writers.glb_reader import GlbReader
 from uvcloth.api import export, rollout
 from uvcloth.bodies.body import Body
 from uvcloth.commands.rollout import Rollout
 from uvcloth.errors import InputError
-from uvcloth.export.animation import Animation
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import from_euler
@@ -22,6 +21,7 @@ from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.cycle import make_cycle
+from uvcloth.writers.animation import Animation
 
 FPS = 24.0
 PERIOD = 24

@@ -20,7 +20,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
-from uvcloth.rollout import JUMPED, RolloutFrame, prepare_rollout, rollout
+from uvcloth.rollouts.rollout import JUMPED, RolloutFrame, prepare_rollout, rollout
 
 FAR = torch.tensor([10_000.123, -7_000.456, 300.789], dtype=torch.float64)
 """Metres, no number that float32 has."""

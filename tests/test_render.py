@@ -4,7 +4,7 @@ import torch
 import trimesh
 
 from uvcloth.errors import InputError
-from uvcloth.render import Camera, Surface, contact_sheet, render, render_frames, three_quarter
+from uvcloth.rendering.render import Camera, Surface, contact_sheet, render, render_frames, three_quarter
 
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)
 

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.rgbench import __main__ as rgbench
 from benchmarks.rgbench.env import GRIP, UvclothEnv, fabric_of
 from benchmarks.rgbench.files import Cell, read_cloud, read_path, read_results, read_runs, write_results
-from tests.simulate.physics.scenes import sheet
+from tests.simulation.physics.scenes import sheet
 from uvcloth.errors import InputError
 from uvcloth.physics.cloth.solver import Settings
 from uvcloth.physics.fabric import Fabric

@@ -20,7 +20,13 @@ from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.physics.outfit_clearing import OutfitClearing
-from uvcloth.rollout import STRETCHED, BrokenRolloutError, prepare_rollout, roll_out_together, rollout
+from uvcloth.rollouts.rollout import (
+    STRETCHED,
+    BrokenRolloutError,
+    prepare_rollout,
+    roll_out_together,
+    rollout,
+)
 
 FPS = 30.0
 

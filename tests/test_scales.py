@@ -24,7 +24,7 @@ from uvcloth.methods.registry import load_method
 from uvcloth.methods.resized import Resized
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
-from uvcloth.rollout import RolloutFrame, prepare_rollout
+from uvcloth.rollouts.rollout import RolloutFrame, prepare_rollout
 
 TENTH = 1e-4
 """Metres that results may differ."""

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from evaluate.__main__ import main as evaluate
-from tests.export.glb_reader import GlbReader
+from tests.writers.glb_reader import GlbReader
 from train.__main__ import main as train
 from train.loop import LoopConfig, Objective, fit
 from train.registry import TRAINERS
@@ -29,7 +29,6 @@ from uvcloth.dataset.clip import clip_of_garment
 from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.dataset.reader import read_clips
 from uvcloth.dataset.splits import training_data
-from uvcloth.export.animation import load_animation
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
@@ -39,6 +38,7 @@ from uvcloth.methods.registry import METHODS, Registered, list_methods
 from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.options import MotionOptions
+from uvcloth.writers.animation import load_animation
 
 OUTFIT = ("bottoms", "tops")
 BODY = load_body()

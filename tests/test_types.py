@@ -26,8 +26,8 @@ uvcloth.rolout
 """
 
 TRUE_TYPES = (
-    'Revealed type is "uvcloth.export.animation.Animation"',
-    'Revealed type is "typing.Iterator[uvcloth.rollout.RolloutFrame]"',
+    'Revealed type is "uvcloth.writers.animation.Animation"',
+    'Revealed type is "typing.Iterator[uvcloth.rollouts.rollout.RolloutFrame]"',
     'Revealed type is "tuple[pathlib.Path, ...]"',
     'Revealed type is "str"',
     'Argument "fps" to "load_motion" has incompatible type "str"; expected "float"',

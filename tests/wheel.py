@@ -29,9 +29,9 @@ from tests.motion.families import FAMILIES
 from tests.motion.layouts import write_layout
 from tests.train.simulated import save_clips
 from uvcloth.bodies.body import load_body
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
 from uvcloth.motion.library import load_clip
+from uvcloth.writers.obj import save_obj
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

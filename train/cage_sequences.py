@@ -34,7 +34,7 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.methods.physics.dressed import dressed, move_on
 from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
 from uvcloth.process.command import run_command
-from uvcloth.simulate.run import RUN_UP
+from uvcloth.simulation.run import RUN_UP
 
 from .recurrent.motions import FPS, Motions
 

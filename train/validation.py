@@ -11,7 +11,7 @@ from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.records import to_device
 from uvcloth.methods.method import Method
-from uvcloth.rollout import roll_out_together
+from uvcloth.rollouts.rollout import roll_out_together
 
 ROLLOUT_FRAMES = 150
 """Scored frames of a clip that are rolled out, at most."""

@@ -5,9 +5,7 @@ docs/library.md says what they are and how they go together.
 """
 
 import logging
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -23,7 +21,6 @@ if TYPE_CHECKING:
     )
     from uvcloth.bodies.body import Body
     from uvcloth.errors import InputError
-    from uvcloth.export.animation import Animation
     from uvcloth.garments.garment import Garment, Outfit
     from uvcloth.garments.holds import Hold
     from uvcloth.garments.tucks import Tuck
@@ -32,8 +29,9 @@ if TYPE_CHECKING:
     from uvcloth.methods.method import Method
     from uvcloth.motion.clip import Clip
     from uvcloth.physics.fabric import Fabric
-    from uvcloth.rollout import BrokenRolloutError, RolloutFrame
+    from uvcloth.rollouts.rollout import BrokenRolloutError, RolloutFrame
     from uvcloth.version import __version__
+    from uvcloth.writers.animation import Animation
 
 __all__ = [
     "Animation",
@@ -64,9 +62,9 @@ __all__ = [
 _HOMES = {
     **dict.fromkeys(("export", "fit", "load_body", "load_model", "load_motion"), "uvcloth.api"),
     **dict.fromkeys(("rollout", "rollout_frames", "simulate"), "uvcloth.api"),
-    "Animation": "uvcloth.export.animation",
+    "Animation": "uvcloth.writers.animation",
     "Body": "uvcloth.bodies.body",
-    "BrokenRolloutError": "uvcloth.rollout",
+    "BrokenRolloutError": "uvcloth.rollouts.rollout",
     "Clip": "uvcloth.motion.clip",
     "Fabric": "uvcloth.physics.fabric",
     "Garment": "uvcloth.garments.garment",
@@ -75,7 +73,7 @@ _HOMES = {
     "Mesh": "uvcloth.geometry.mesh",
     "Method": "uvcloth.methods.method",
     "Outfit": "uvcloth.garments.garment",
-    "RolloutFrame": "uvcloth.rollout",
+    "RolloutFrame": "uvcloth.rollouts.rollout",
     "Skeleton": "uvcloth.geometry.skeleton",
     "Tuck": "uvcloth.garments.tucks",
     "__version__": "uvcloth.version",
@@ -84,18 +82,6 @@ _HOMES = {
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 
-
-class _Package(ModuleType):
-    """The package, in which three public functions have the names of modules."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        # Python puts a module that is imported into its package: `uvcloth.export` stays the function, while
-        # `from uvcloth.export.writer import open_writer` finds the module all the same.
-        if not (name in _HOMES and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
 
 if not TYPE_CHECKING:
 

@@ -18,11 +18,7 @@ import torch
 from uvcloth.bodies import body as bodies
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.visible import visible_body
-from uvcloth.difficulties import Difficulties
 from uvcloth.errors import InputError
-from uvcloth.export.animation import Animation
-from uvcloth.export.size import announce
-from uvcloth.export.writer import open_writer
 from uvcloth.garments.arrays import named_mesh
 from uvcloth.garments.fit import Fitting
 from uvcloth.garments.garment import Outfit
@@ -46,11 +42,15 @@ from uvcloth.motion.lead_in import LeadIn, pose_from_rest
 from uvcloth.motion.library import load_clip, wanted_part
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.fabric import FABRICS, JERSEY, Fabric, FabricName, find_fabric
-from uvcloth.ready import ReadyRollout, find_device, ready_rollout, require_same_skeleton
-from uvcloth.rollout import RolloutFrame
-from uvcloth.simulate.engines import ENGINES, require_engine_name
-from uvcloth.simulate.quality_check import examine
-from uvcloth.simulate.run import simulate as simulate_scene
+from uvcloth.rollouts.difficulties import Difficulties
+from uvcloth.rollouts.ready import ReadyRollout, find_device, ready_rollout, require_same_skeleton
+from uvcloth.rollouts.rollout import RolloutFrame
+from uvcloth.simulation.engines import ENGINES, require_engine_name
+from uvcloth.simulation.quality_check import examine
+from uvcloth.simulation.run import simulate as simulate_scene
+from uvcloth.writers.animation import Animation
+from uvcloth.writers.size import announce
+from uvcloth.writers.writer import open_writer
 
 LOGGER = logging.getLogger(__name__)
 

@@ -28,10 +28,10 @@ from uvcloth.garments.joined import join
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
 from uvcloth.process.command import run_command
-from uvcloth.simulate.blender import Blender, find_blender
-from uvcloth.simulate.engine import Scene
-from uvcloth.simulate.remeshed import scene_on
-from uvcloth.simulate.run import make_scene
+from uvcloth.simulation.blender import Blender, find_blender
+from uvcloth.simulation.engine import Scene
+from uvcloth.simulation.remeshed import scene_on
+from uvcloth.simulation.run import make_scene
 
 
 @dataclass(frozen=True)

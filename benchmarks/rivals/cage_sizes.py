@@ -26,7 +26,7 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.process.command import run_command
-from uvcloth.rollout import prepare_rollout
+from uvcloth.rollouts.rollout import prepare_rollout
 
 
 @dataclass(frozen=True)

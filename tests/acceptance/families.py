@@ -12,7 +12,6 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body, resized
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.pose import Stance, limbs_held, posed_body
@@ -20,6 +19,7 @@ from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
 from uvcloth.wardrobe.make import make_outfit
+from uvcloth.writers.obj import save_obj
 
 VERTICES = (2500, 4500)
 """Least and most vertices of a random garment."""

@@ -9,8 +9,8 @@ import pytest
 
 from tests.blender.conftest import Done, run_in_blender
 from uvcloth.bodies.body import Body
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
+from uvcloth.writers.obj import save_obj
 
 ROOT = Path(__file__).parents[2]
 SKIRT = ROOT / "uvcloth" / "data" / "garments" / "miniskirt.obj"

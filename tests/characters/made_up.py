@@ -16,13 +16,13 @@ from tests.motion.families import FAMILIES
 from tests.motion.layouts import ROLES
 from tests.small_gltf import write_glb
 from uvcloth.bodies.body import Body
-from uvcloth.export.glb import Document
-from uvcloth.export.gltf_scene import TO_Y_UP, add_influences, add_skeleton
-from uvcloth.export.gltf_surface import add_surface
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import from_euler
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 from uvcloth.geometry.skinning import skin, strongest
+from uvcloth.writers.glb import Document
+from uvcloth.writers.gltf_scene import TO_Y_UP, add_influences, add_skeleton
+from uvcloth.writers.gltf_surface import add_surface
 
 MIXAMO = {
     "LHipJoint": "mixamorig:LeftHelper", "RHipJoint": "mixamorig:RightHelper", "LowerBack": "mixamorig:Spine",

@@ -12,8 +12,8 @@ import pytest
 import torch
 
 from tests.characters.made_up import MIXAMO, Piece, rewritten, t_posed, vrm_table, with_box, write_character
-from tests.export.glb_reader import GlbReader
 from tests.motion.test_gltf import CESIUM_MAN, CESIUM_ROLES
+from tests.writers.glb_reader import GlbReader
 from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
 from uvcloth.bodies.visible import visible_body
 from uvcloth.characters.body import CharacterBody, body_from_character, region_vertices
@@ -26,12 +26,12 @@ from uvcloth.characters.shape import SkinnedSurface
 from uvcloth.commands.body import MakeBody, Phenotype
 from uvcloth.commands.run.body import make
 from uvcloth.errors import InputError
-from uvcloth.export.writer import open_writer
 from uvcloth.garments.templates import load_template, tailored
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.roles import joint_roles
 from uvcloth.physics.surface import BodySurface
+from uvcloth.writers.writer import open_writer
 
 STRETCH = torch.tensor([0.9, 1.05, 1.12])
 

@@ -16,7 +16,7 @@ import torch
 import trimesh
 
 from tests.characters.made_up import rewritten
-from tests.export.glb_reader import GlbReader
+from tests.writers.glb_reader import GlbReader
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.characters.body import CharacterBody
@@ -24,7 +24,6 @@ from uvcloth.commands.bake import Bake
 from uvcloth.commands.play import Play
 from uvcloth.commands.run.bake import bake
 from uvcloth.errors import InputError
-from uvcloth.export.animation import load_animation
 from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.skinning import skin, strongest
 from uvcloth.motion.library import load_clip
@@ -32,6 +31,7 @@ from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.surface import BodySurface
 from uvcloth.player.baked import EXTENSION, open_baked
 from uvcloth.player.outfit import Cloth, Outfit
+from uvcloth.writers.animation import load_animation
 
 SOME = MotionOptions(frames="20:32")
 MILLIMETRE = 1e-3

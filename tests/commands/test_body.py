@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from tests.export.glb_reader import GlbReader, to_z_up
+from tests.writers.glb_reader import GlbReader, to_z_up
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.body import MakeBody, Phenotype
 from uvcloth.commands.run.body import make

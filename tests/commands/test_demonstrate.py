@@ -9,14 +9,14 @@ import pytest
 import torch
 from PIL import Image
 
-from tests.simulate.skinned import skinned_sequence
+from tests.simulation.skinned import skinned_sequence
 from uvcloth.commands.run import demo
 from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.errors import InputError
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import load_clip
-from uvcloth.rollout import RolloutFrame
+from uvcloth.rollouts.rollout import RolloutFrame
 
 SIZE, GAP = (22, 30), 6
 LEAD = 2

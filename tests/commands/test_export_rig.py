@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from tests.export.glb_reader import GlbReader
+from tests.writers.glb_reader import GlbReader
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
 from uvcloth.commands.export import Export

@@ -13,11 +13,11 @@ from uvcloth.commands.fit import Fit
 from uvcloth.commands.run import fit as examine_garment
 from uvcloth.commands.run.fit import examine
 from uvcloth.errors import InputError
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.physics.method import Physics
+from uvcloth.writers.obj import save_obj
 
 
 def read_image(path: Path) -> np.ndarray:

@@ -8,17 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from tests.export.glb_reader import GlbReader, to_z_up
-from uvcloth import ready
+from tests.writers.glb_reader import GlbReader, to_z_up
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.run import rollout as animation
 from uvcloth.commands.run import worn
 from uvcloth.commands.run.rollout import animate
 from uvcloth.commands.run.summary import Totals
 from uvcloth.errors import InputError
-from uvcloth.export.animation import load_animation
-from uvcloth.export.pictures import COARSE_SHEET
-from uvcloth.export.writer import WRITERS
 from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
@@ -26,7 +22,11 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.method import Traits
 from uvcloth.motion.library import load_clip
-from uvcloth.rollout import BrokenRolloutError, RolloutFrame
+from uvcloth.rollouts import ready
+from uvcloth.rollouts.rollout import BrokenRolloutError, RolloutFrame
+from uvcloth.writers.animation import load_animation
+from uvcloth.writers.pictures import COARSE_SHEET
+from uvcloth.writers.writer import WRITERS
 
 FRAMES = 4
 

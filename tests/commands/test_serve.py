@@ -17,11 +17,11 @@ from uvcloth.bodies.body import Body
 from uvcloth.characters.body import CharacterBody
 from uvcloth.commands.serve import Serve
 from uvcloth.errors import InputError
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.on_character import CharacterFrame
 from uvcloth.garments.templates import fit_template
 from uvcloth.player.baked import open_baked
+from uvcloth.writers.obj import save_obj
 
 MILLIMETRE = 1e-3
 

@@ -17,7 +17,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.methods.lbs import LBS
 from uvcloth.methods.physics.method import Physics
 from uvcloth.physics.surface import BodySurface
-from uvcloth.rollout import JUMPED, RolloutFrame
+from uvcloth.rollouts.rollout import JUMPED, RolloutFrame
 from uvcloth.wrinkles.model import Wrinkles, wrinkles_checkpoint
 from uvcloth.wrinkles.network import WrinkleConfig, WrinkleNet
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from tests.dataset.altered import altered
-from tests.simulate.skinned import skinned_sequence
+from tests.simulation.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
 from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment, content_hash
 from uvcloth.dataset.clip_file import SEQUENCE_FORMAT, load_simulated, read_metadata, save_simulated

@@ -14,7 +14,7 @@ from tests.evaluate.test_compare import LBS, capsule_body, simulated, tube_garme
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Outfit
 from uvcloth.methods.method import Method
-from uvcloth.rollout import prepare_rollout
+from uvcloth.rollouts.rollout import prepare_rollout
 
 
 @dataclass(frozen=True)

@@ -25,13 +25,13 @@ from uvcloth.dataset.clip import SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated, save_simulated
 from uvcloth.dataset.predicted_file import read_prediction
 from uvcloth.errors import InputError
-from uvcloth.export.animation import Animation
-from uvcloth.export.benchmark import export_benchmark
-from uvcloth.export.pointcache import write_pc2
-from uvcloth.export.usd import write_usd
 from uvcloth.files.json_file import read_json
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.writers.animation import Animation
+from uvcloth.writers.benchmark import export_benchmark
+from uvcloth.writers.pointcache import write_pc2
+from uvcloth.writers.usd import write_usd
 
 pytestmark = pytest.mark.usefixtures("coarse_pixels")
 

@@ -15,7 +15,7 @@ from uvcloth.methods.method import Method
 from uvcloth.methods.physics.finish import Finished
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 pytestmark = pytest.mark.usefixtures("coarse_pixels")
 

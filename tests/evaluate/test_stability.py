@@ -20,7 +20,7 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.capabilities import Feedback
 from uvcloth.methods.method import Method, Traits
-from uvcloth.rollout import prepare_rollout
+from uvcloth.rollouts.rollout import prepare_rollout
 
 STRAY = 0.001
 END = SETTLING + COUNTED

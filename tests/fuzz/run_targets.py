@@ -13,15 +13,15 @@ from torch import nn
 
 from tests.fuzz.array_targets import check_mesh
 from tests.fuzz.target import Target, require, require_numbers
-from tests.simulate.test_unfinished import Falling, StopError, some_scene
+from tests.simulation.test_unfinished import Falling, StopError, some_scene
 from tests.small_body import small_body
 from train.state import Progressed, State, load_state, save_state
 from train.wrinkles.tracked_runs import TrackedRun, load_run, save_run
 from uvcloth.errors import InputError
-from uvcloth.export.animation import Animation, load_animation, write_npz
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
-from uvcloth.simulate import unfinished
-from uvcloth.simulate.unfinished import Place, SimulatedFrames, move, unfinished_frames
+from uvcloth.simulation import unfinished
+from uvcloth.simulation.unfinished import Place, SimulatedFrames, move, unfinished_frames
+from uvcloth.writers.animation import Animation, load_animation, write_npz
 
 FRAMES = 3
 SETTINGS = {"loop": {"seed": 0, "learning_rate": 1e-3}, "data": {"walk.npz": "0" * 64}}

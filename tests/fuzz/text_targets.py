@@ -16,7 +16,7 @@ from uvcloth.motion.index import Entry, read_index
 from uvcloth.motion.poses import SPLITS
 from uvcloth.motion.roles import ROLES, read_role_map
 from uvcloth.physics.fabric import FABRICS, RANGES
-from uvcloth.simulate.plan_file import PlanRow, read_plan
+from uvcloth.simulation.plan_file import PlanRow, read_plan
 from uvcloth.tryon.keypoints import BODY_25, FEWEST, Keypoints, read_keypoints
 from uvcloth.wardrobe.designs import KINDS, PARTS, Design, limits
 from uvcloth.wardrobe.outfit_file import OutfitFile, PieceFile, load_outfit_file, save_outfit_file

@@ -9,7 +9,6 @@ import torch
 
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.alignment import Known, align
 from uvcloth.garments.boundaries import boundaries
 from uvcloth.garments.fit import Fitting, place_on_body
@@ -20,6 +19,7 @@ from uvcloth.garments.transfer import transfer
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.physics.surface import BodySurface
+from uvcloth.writers.obj import save_obj
 
 TURN, SCALE, SHIFT = 37.0, 0.29, (-0.55, 1.2, -0.3)
 

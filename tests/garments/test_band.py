@@ -9,12 +9,12 @@ import torch
 
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.band import TEMPLATE_MASS, holding_band
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.loading import load_garment
 from uvcloth.garments.templates import fit_template, load_template
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.writers.obj import save_obj
 
 SKIRT = str(files("uvcloth") / "data" / "garments" / "miniskirt.obj")
 

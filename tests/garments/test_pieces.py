@@ -10,13 +10,13 @@ from uvcloth.bodies.body import Body
 from uvcloth.commands.fit import Fit
 from uvcloth.commands.run.fit import examine
 from uvcloth.errors import InputError
-from uvcloth.export.obj import save_obj
 from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.loading import load_garment_for_data, load_outfit
 from uvcloth.garments.pieces import pieces
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.physics.fabric import FABRICS
+from uvcloth.writers.obj import save_obj
 
 
 def joined(*meshes: Mesh) -> Mesh:

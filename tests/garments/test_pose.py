@@ -8,12 +8,12 @@ import torch
 
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.errors import InputError
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.fit import Fitting, read_on_body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.pose import arms_held, other_pose, posed_body
 from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.geometry.skinning import skin
+from uvcloth.writers.obj import save_obj
 
 
 @pytest.fixture(scope="module")

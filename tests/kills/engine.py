@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from uvcloth.physics.fabric import Fabric
-from uvcloth.simulate.engine import Frame, Scene
+from uvcloth.simulation.engine import Frame, Scene
 
 
 @dataclass(frozen=True)

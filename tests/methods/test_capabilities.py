@@ -34,7 +34,7 @@ from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.resized import Resized
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 CPU = torch.device("cpu")
 RIG: Any = "the rig"

@@ -6,7 +6,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.registry import load_method
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 
 def test_a_rigid_motion_carries_the_garment_exactly():

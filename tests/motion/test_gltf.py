@@ -14,13 +14,13 @@ from tests.characters.made_up import rewritten, vrm_table
 from tests.motion.layouts import ROLES, difference
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
-from uvcloth.export.glb import Document
-from uvcloth.export.gltf_scene import add_skeleton, animate_skeleton
 from uvcloth.geometry.skeleton import local_rotations
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.gltf import animation_names, read_gltf_motion
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.options import MotionOptions
+from uvcloth.writers.glb import Document
+from uvcloth.writers.gltf_scene import add_skeleton, animate_skeleton
 
 MOCAP = Path(os.environ.get("UVCLOTH_MOCAP", Path(__file__).parents[3] / "shared" / "mocap"))
 CESIUM_MAN = MOCAP.parent / "characters" / "CesiumMan.glb"

@@ -8,9 +8,9 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from tests.small_body import small_body
-from uvcloth.export.glb import Document
-from uvcloth.export.gltf_cloth import add_cloth, add_own_body, animate_cloth
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.writers.glb import Document
+from uvcloth.writers.gltf_cloth import add_cloth, add_own_body, animate_cloth
 
 FPS, FRAMES = 30.0, 16
 

@@ -9,13 +9,13 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from tests.small_gltf import document, write_glb
 from uvcloth.bodies.body import Body
-from uvcloth.export.glb import Document
-from uvcloth.export.gltf_scene import TO_Y_UP, add_skeleton, animate_skeleton
 from uvcloth.motion.gltf import read_gltf_motion
 from uvcloth.motion.library import load_clip
 from uvcloth.player.animation import animations_of, frame_times, sampled_worlds
 from uvcloth.player.gltf_file import GltfFile, read_glb
 from uvcloth.player.nodes import compose
+from uvcloth.writers.glb import Document
+from uvcloth.writers.gltf_scene import TO_Y_UP, add_skeleton, animate_skeleton
 
 KEYS = np.array([[0.0], [0.5], [1.0]], np.float32)
 TIMES = np.array([0.0, 0.1, 0.25, 0.5, 0.8, 1.0, 2.0])

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from tests.characters.made_up import rewritten
-from tests.export.glb_reader import GlbReader
 from tests.fuzz.glb_mutators import GLB
 from tests.player.baked_box import CONTENT, FPS, FRAMES, outfit, transforms, write_baked_box
+from tests.writers.glb_reader import GlbReader
 from uvcloth.player.baked import EXTENSION, SCHEMA, open_baked
 
 MUTANTS = 400

@@ -10,7 +10,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from tests.physics.cloth.stepping import solver, still_frames
-from tests.simulate.physics.scenes import sheet
+from tests.simulation.physics.scenes import sheet
 from uvcloth.physics.cloth.solver import Solver, start
 from uvcloth.physics.fabric import Fabric
 from uvcloth.player.cloth import ClothSolver, Elastic

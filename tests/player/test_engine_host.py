@@ -13,13 +13,13 @@ import torch
 
 from tests.player.system_compiler import compiler
 from uvcloth.bodies.body import Body
-from uvcloth.export.glb import Document
-from uvcloth.export.gltf_cloth import add_cloth, add_own_body, animate_cloth
 from uvcloth.garments.garment import Outfit as WornOutfit
 from uvcloth.motion.library import load_clip
 from uvcloth.player.baked import BakedFile, open_baked
 from uvcloth.player.library import library
 from uvcloth.player.outfit import Cloth, Outfit
+from uvcloth.writers.glb import Document
+from uvcloth.writers.gltf_cloth import add_cloth, add_own_body, animate_cloth
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "runtime" / "example"

@@ -18,7 +18,7 @@ from uvcloth.methods.physics.outfit import PhysicsConfig, bake_outfit
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.roles import joint_roles
 from uvcloth.player.outfit import Cloth, Outfit
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 FAST = PhysicsConfig("fast")
 MILLIMETRE = 1e-3

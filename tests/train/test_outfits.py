@@ -22,7 +22,7 @@ from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.seeds import pose_seeds, sample_seeds, seeds_on
 from uvcloth.methods.registry import load_method, load_methods
 from uvcloth.physics.surface import BodySurface
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 pytest.importorskip("lightning_fabric")
 

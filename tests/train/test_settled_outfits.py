@@ -11,12 +11,12 @@ from train.settled_outfits import SettledOutfits
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.dataset.reader import read_outfit_clips
 from uvcloth.dataset.splits import training_data
-from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.poses import PoseDatabase, save_poses
 from uvcloth.physics.fabric import FABRICS
+from uvcloth.writers.obj import save_obj
 
 HIPS, RIGHT_ARM = 0, 20
 """Joints of the body."""

@@ -9,7 +9,7 @@ from tests.tryon.people import SIZE, VIEW, pictured
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.errors import InputError
 from uvcloth.motion.library import load_clip
-from uvcloth.render import project
+from uvcloth.rendering.render import project
 from uvcloth.tryon import fit
 from uvcloth.tryon.fit import FittedPerson, fit_person, require_fit
 from uvcloth.tryon.keypoints import BODY_25, Keypoints

@@ -3,8 +3,8 @@
 import numpy as np
 import torch
 
-from uvcloth.lighting import COARSE
-from uvcloth.render import Camera, Surface, render_over
+from uvcloth.rendering.lighting import COARSE
+from uvcloth.rendering.render import Camera, Surface, render_over
 
 AHEAD = Camera((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 90.0)
 

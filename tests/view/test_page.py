@@ -13,8 +13,8 @@ import torch
 
 from tests.small_body import small_body
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.render import GARMENT_COLORS
-from uvcloth.rollout import RolloutFrame
+from uvcloth.rendering.render import GARMENT_COLORS
+from uvcloth.rollouts.rollout import RolloutFrame
 from uvcloth.view.computation import Computation, Performance
 from uvcloth.view.heat import COLORS, ERROR
 from uvcloth.view.viewer import Viewer

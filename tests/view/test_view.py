@@ -15,7 +15,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from tests.simulate.skinned import skinned_sequence
+from tests.simulation.skinned import skinned_sequence
 from tests.small_body import small_body
 from uvcloth.bodies.body import Body
 from uvcloth.commands.rollout import Rollout
@@ -26,7 +26,7 @@ from uvcloth.errors import InputError
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.library import load_clip, save_clip
-from uvcloth.rollout import RolloutFrame
+from uvcloth.rollouts.rollout import RolloutFrame
 from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance
 from uvcloth.view.heat import CLEARING, COLORS, ERROR, STRETCH, Stretch, bands

@@ -13,7 +13,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.methods.deepsd.network import Branch
 from uvcloth.physics.measures import edge_change, fold_cosine
 from uvcloth.physics.obstacle import ContactGarment, Obstacle
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
 from .dataset import OutfitFrames
 from .losses import MILLI

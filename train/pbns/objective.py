@@ -30,7 +30,7 @@ from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.physics.measures import edge_change, fold_angle, fold_cosine
 from uvcloth.physics.obstacle import Obstacle
 from uvcloth.physics.surface import BodySurface
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
 from ..loop import Objective
 from ..posed_batch import ClosestPointCache, empty_cache

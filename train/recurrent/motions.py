@@ -17,7 +17,7 @@ from uvcloth.motion.library import load_clip
 from uvcloth.motion.recombine import legs_and_trunk
 from uvcloth.motion.retarget import resample
 from uvcloth.motion.stop import come_to_rest
-from uvcloth.simulate.plan import interleaved
+from uvcloth.simulation.plan import interleaved
 
 SPEEDS = (0.75, 1.33)
 """Least and greatest speed of a motion, as a share of the captured one; drawn evenly by logarithm."""

@@ -37,10 +37,10 @@ from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.motion.index import clip_file, read_index
 from uvcloth.motion.library import load_clip
 from uvcloth.process.command import run_command
-from uvcloth.rollout import rollout
-from uvcloth.simulate.plan import interleaved
-from uvcloth.simulate.run import run_up
-from uvcloth.simulate.tracking import FineGarment, Tracking, track
+from uvcloth.rollouts.rollout import rollout
+from uvcloth.simulation.plan import interleaved
+from uvcloth.simulation.run import run_up
+from uvcloth.simulation.tracking import FineGarment, Tracking, track
 
 RUN_FORMAT = "uvcloth-tracked-run-2"
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from rasterize.raycast import cast_rays
 from uvcloth.characters.shape import SkinnedSurface
 from uvcloth.geometry.mesh import unit_face_normals
-from uvcloth.lighting import sphere
+from uvcloth.rendering.lighting import sphere
 
 FEW, MANY = 24, 96
 """Rays from each face, and from those of whose first rays none leaves the character."""

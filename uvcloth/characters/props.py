@@ -17,7 +17,7 @@ from rasterize.raycast import cast_rays
 from uvcloth.characters.reader import Part
 from uvcloth.geometry.mesh import Mesh, edge_groups, face_normals, join_meshes, weld
 from uvcloth.geometry.skeleton import Skeleton
-from uvcloth.lighting import sphere
+from uvcloth.rendering.lighting import sphere
 
 ALONG = (0.0, 0.25, 0.5, 0.75)
 """Points on each bone, as shares of its length, that rays leave from."""

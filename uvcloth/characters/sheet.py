@@ -14,11 +14,11 @@ from uvcloth.characters.props import split_props
 from uvcloth.characters.reader import Part, read_character
 from uvcloth.characters.rig import RiggedCharacter, rig_character
 from uvcloth.errors import InputError
-from uvcloth.lighting import COARSE
 from uvcloth.motion.guess import find_roles
 from uvcloth.motion.roles import joint_roles
 from uvcloth.motion.stick_sheet import LEFT, MIDDLE, RIGHT
-from uvcloth.render import (
+from uvcloth.rendering.lighting import COARSE
+from uvcloth.rendering.render import (
     BODY_COLOR,
     Color,
     Surface,

@@ -30,10 +30,10 @@ from uvcloth.commands.options import (
     WrinklesFrom,
 )
 from uvcloth.errors import InputError
-from uvcloth.export.shot import CameraName
 from uvcloth.files.options import NewFile, Several, Text
 from uvcloth.methods.finish_names import FinishName
 from uvcloth.motion.options import MotionOptions
+from uvcloth.writers.shot import CameraName
 
 ANIMATIONS = (".glb", ".usdc", ".usd", ".pc2", ".abc", ".obj", ".npz", ".mp4", ".gif", ".png")
 """Suffixes of the files that are written."""

@@ -11,7 +11,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import MotionSource
 from uvcloth.motion.retarget import in_body_axes, leg_length, resample
 from uvcloth.motion.roles import joint_roles
-from uvcloth.render import contact_sheet, draw_line
+from uvcloth.rendering.render import contact_sheet, draw_line
 
 COLUMNS = 8
 """Frames on a sheet, spread evenly over the motion."""

@@ -12,7 +12,7 @@ from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import from_euler
 from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.motion.clip import Clip
-from uvcloth.render import Camera
+from uvcloth.rendering.render import Camera
 from uvcloth.tryon.keypoints import Keypoints
 from uvcloth.tryon.landmarks import landmarks, posed_landmarks
 from uvcloth.tryon.overlap import Overlap, overlap_of

@@ -9,8 +9,8 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, draw_line, render_over
-from uvcloth.rollout import RolloutFrame
+from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Surface, draw_line, render_over
+from uvcloth.rollouts.rollout import RolloutFrame
 from uvcloth.tryon.fit import FittedPerson
 from uvcloth.tryon.keypoints import Keypoints
 

@@ -17,7 +17,7 @@ from uvcloth.methods.registry import DEFAULT, METHODS
 from uvcloth.motion.arrays import clip_of_transforms
 from uvcloth.motion.library import builtin_clips, load_clip
 from uvcloth.physics.fabric import FabricName
-from uvcloth.ready import ReadyRollout, ready_method, ready_rollout
+from uvcloth.rollouts.ready import ReadyRollout, ready_method, ready_rollout
 from uvcloth.view.computation import Performance
 
 TEMPLATES = ("bottoms", "tops", "shirt", "dress", "skirt", "jacket")

@@ -9,7 +9,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.rollout import RolloutFrame
+from uvcloth.rollouts.rollout import RolloutFrame
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.visible import visible_body
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Color
+from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Color
 from uvcloth.view.heat import COLORS, bands
 
 CELL = 1.0

@@ -24,7 +24,7 @@ from uvcloth.methods.registry import load_method
 from uvcloth.motion.options import MotionOptions
 from uvcloth.player.baked import BakedFile, open_baked
 from uvcloth.player.outfit import Cloth, Outfit
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 PANES = """new Promise((done) => {
   const { playback } = uvcloth, out = [];

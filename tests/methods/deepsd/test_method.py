@@ -27,7 +27,7 @@ from uvcloth.methods.registry import load_method
 from uvcloth.methods.resized import Resized
 from uvcloth.methods.rig import pose_vectors
 from uvcloth.physics.fabric import FABRICS
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 TINY = replace(PRESETS["tiny"], blend_weights="changed", influences=2)
 JOINTS = 2

@@ -27,7 +27,7 @@ from uvcloth.methods.motion_guided.seeds import (
 )
 from uvcloth.methods.registry import SHIPPED, load_method
 from uvcloth.motion.library import load_clip
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 TINY = PRESETS["tiny"]
 

@@ -15,7 +15,7 @@ from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.method import MotionGuided
 from uvcloth.methods.motion_guided.residual import Resolver
 from uvcloth.physics.obstacle import Obstacle
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 
 def test_a_sheet_leaves_a_sphere_and_the_next_frame_begins_there() -> None:

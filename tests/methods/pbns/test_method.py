@@ -25,7 +25,7 @@ from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest
 from uvcloth.methods.pbns.network import PBNSConfig, PBNSNetwork
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.rig import pose_vectors
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 CONFIG_HERE = PBNSConfig(width=8, layers=2)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from tests.export.glb_reader import GlbReader
+from tests.writers.glb_reader import GlbReader
 from train.settled import settle
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
@@ -22,7 +22,7 @@ from uvcloth.methods.registry import SHIPPED, load_method
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.measures import edge_change
 from uvcloth.physics.obstacle import Obstacle
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 GARMENTS = ("bottoms", "tops")
 

@@ -10,7 +10,7 @@ from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.physics.exposure import Exposure
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 FRAMES, HELD = 14, 5
 

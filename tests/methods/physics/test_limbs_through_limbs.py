@@ -7,7 +7,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.physics.exposure import Exposure
-from uvcloth.ready import ready_method, ready_rollout
+from uvcloth.rollouts.ready import ready_method, ready_rollout
 
 
 def test_trousers_stay_on_a_knee_that_a_sleeve_goes_through(mocap_folder: Path, body: Body) -> None:

@@ -28,7 +28,7 @@ from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.fabric import FABRICS
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.physics.obstacle import Obstacle
-from uvcloth.rollout import BrokenRolloutError, rollout
+from uvcloth.rollouts.rollout import BrokenRolloutError, rollout
 
 FPS = 30.0
 

@@ -13,7 +13,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.motion.library import load_clip
-from uvcloth.rollout import PreparedRollout, prepare_rollout
+from uvcloth.rollouts.rollout import PreparedRollout, prepare_rollout
 
 FRAMES = 12
 

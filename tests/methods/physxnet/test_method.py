@@ -20,7 +20,7 @@ from uvcloth.methods.physxnet.maps import garment_vertices, motion_values, templ
 from uvcloth.methods.physxnet.method import PhysXNet, load_physxnet, physxnet_checkpoint
 from uvcloth.methods.physxnet.network import GarmentNet, mirror
 from uvcloth.methods.registry import load_method
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 TEMPLATES = ("tops", "dress")
 TINY = replace(PRESETS["tiny"], templates=TEMPLATES)

@@ -12,8 +12,6 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, load_checkpoint, save_checkpoint
 from uvcloth.errors import InputError
-from uvcloth.export.recurrent import write_recurrent
-from uvcloth.export.rig import rig_of
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import from_axis_angles
@@ -28,7 +26,9 @@ from uvcloth.methods.recurrent.network import (
 )
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.stop import come_to_rest
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
+from uvcloth.writers.recurrent import write_recurrent
+from uvcloth.writers.rig import rig_of
 
 CONFIG = RecurrentConfig(shapes=3, width=16)
 FPS = 30.0

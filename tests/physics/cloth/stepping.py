@@ -10,7 +10,7 @@ import trimesh
 from numpy.typing import NDArray
 from torch import Tensor
 
-from tests.simulate.physics.scenes import RIGID
+from tests.simulation.physics.scenes import RIGID
 from uvcloth.physics.cloth.body import Body, make_body
 from uvcloth.physics.cloth.cloth import Cloth, Damping, make_cloth
 from uvcloth.physics.cloth.solver import Motion, Settings, Solver, State, make_solver, start, step

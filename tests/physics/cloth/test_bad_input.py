@@ -8,7 +8,7 @@ import torch
 import trimesh
 
 from tests.physics.cloth.stepping import crossing, frames, solver, still_frames
-from tests.simulate.physics.scenes import sheet
+from tests.simulation.physics.scenes import sheet
 from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.physics.cloth.solver import start

@@ -7,7 +7,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from tests.physics.cloth.stepping import pairs_near
-from tests.simulate.physics.scenes import sheet
+from tests.simulation.physics.scenes import sheet
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.physics.cloth.body import Body, make_body
 from uvcloth.physics.cloth.cloth import make_cloth

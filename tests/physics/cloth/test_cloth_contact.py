@@ -10,7 +10,7 @@ import trimesh
 from torch import Tensor
 
 from tests.physics.cloth.stepping import crossing, frames, solver, still_frames
-from tests.simulate.physics.scenes import disc, sheet
+from tests.simulation.physics.scenes import disc, sheet
 from uvcloth.geometry.mesh import edge_lengths, join_meshes, unique_edges
 from uvcloth.physics.cloth.solver import State, start
 from uvcloth.physics.layers import wrong_side_percent

@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from tests.simulate.physics.experiments import skirt_swing
-from tests.simulate.physics.scenes import play, scene, sheet
+from tests.simulation.physics.experiments import skirt_swing
+from tests.simulation.physics.scenes import play, scene, sheet
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.physics.cloth.solver import Settings
 from uvcloth.physics.fabric import Fabric
-from uvcloth.simulate.engine import Scene
-from uvcloth.simulate.explicit import Explicit
+from uvcloth.simulation.engine import Scene
+from uvcloth.simulation.explicit import Explicit
 
 FPS = 30.0
 

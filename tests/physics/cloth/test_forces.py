@@ -10,7 +10,7 @@ from torch import Tensor
 
 from tests.physics.cloth.energies import hinge_energy, membrane_energy
 from tests.physics.cloth.stepping import elastic_forces
-from tests.simulate.physics.scenes import sheet
+from tests.simulation.physics.scenes import sheet
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 

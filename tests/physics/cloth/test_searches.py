@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from tests.physics.cloth.stepping import INSTANT, pairs_near, solver, still_frames
-from tests.simulate.physics.scenes import disc, sheet
+from tests.simulation.physics.scenes import disc, sheet
 from tests.thorough import always
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.physics.cloth.body import make_body

@@ -12,8 +12,8 @@ from torch import Tensor
 
 from tests.physics.cloth.energies import damping_matrix, hinge_energy, membrane_energy, stiffness_matrix
 from tests.physics.cloth.stepping import VACUUM, frames, solver, still_frames
-from tests.simulate.physics.experiments import LIMP, ROPE, rope_theory
-from tests.simulate.physics.scenes import G, sheet
+from tests.simulation.physics.experiments import LIMP, ROPE, rope_theory
+from tests.simulation.physics.scenes import G, sheet
 from uvcloth.errors import InputError
 from uvcloth.physics.cloth.body import make_body
 from uvcloth.physics.cloth.cloth import Damping, make_cloth

@@ -38,7 +38,7 @@ from uvcloth.methods.registry import load_method
 from uvcloth.motion.poses import save_poses
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.surface import FREE
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 pytest.importorskip("lightning_fabric")
 

@@ -19,7 +19,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
 
 TRUE = torch.tensor([0.0, 0.015625, -0.03125]).expand(4, 3)
 """Offsets of the simulated garment, m, which half precision holds exactly."""

@@ -15,10 +15,6 @@ from uvcloth.commands.bake import Bake
 from uvcloth.commands.run.wearer import load_wearer
 from uvcloth.commands.run.worn import load_worn
 from uvcloth.errors import InputError
-from uvcloth.export.glb import Document
-from uvcloth.export.gltf_cloth import add_cloth, add_cloth_skin, add_own_body, animate_cloth
-from uvcloth.export.gltf_reopened import reopened
-from uvcloth.export.writer import require_own_names
 from uvcloth.files.atomic import atomic_write
 from uvcloth.formats.gltf import read_gltf
 from uvcloth.garments.band import unheld_reason
@@ -30,6 +26,10 @@ from uvcloth.motion.library import load_clip
 from uvcloth.player.baked import ClothSkin
 from uvcloth.wrinkles.model import SHIPPED, load_wrinkles
 from uvcloth.wrinkles.outfit import WrinkledSheets
+from uvcloth.writers.glb import Document
+from uvcloth.writers.gltf_cloth import add_cloth, add_cloth_skin, add_own_body, animate_cloth
+from uvcloth.writers.gltf_reopened import reopened
+from uvcloth.writers.writer import require_own_names
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,13 @@ from uvcloth.characters.clothes import clothes_of, is_worn_as_skin
 from uvcloth.characters.sheet import LEGEND, character_sheet
 from uvcloth.commands.body import MakeBody
 from uvcloth.errors import InputError
-from uvcloth.export.glb import Document
-from uvcloth.export.gltf_body import add_body
-from uvcloth.export.gltf_scene import add_skeleton
-from uvcloth.export.obj import save_obj
 from uvcloth.files.atomic import atomic_write, sole_writer
 from uvcloth.files.image import write_png
 from uvcloth.motion.roles import read_role_map
+from uvcloth.writers.glb import Document
+from uvcloth.writers.gltf_body import add_body
+from uvcloth.writers.gltf_scene import add_skeleton
+from uvcloth.writers.obj import save_obj
 
 
 def run(command: MakeBody) -> None:

@@ -4,8 +4,8 @@ from rich.console import Console
 
 from uvcloth.commands.data import Data
 from uvcloth.dataset.packed import pack_folder, unpack_folder
-from uvcloth.export.benchmark import export_benchmark
-from uvcloth.simulate.overview import overview
+from uvcloth.simulation.overview import overview
+from uvcloth.writers.benchmark import export_benchmark
 
 
 def run(command: Data) -> None:

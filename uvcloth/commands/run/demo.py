@@ -33,10 +33,17 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip, save_clip
 from uvcloth.motion.stop import BRAKING_SECONDS, come_to_rest
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render_frames, three_quarter
-from uvcloth.rollout import RolloutFrame
-from uvcloth.simulate.batch import simulate_batch
-from uvcloth.simulate.plan import ClipSelection
+from uvcloth.rendering.render import (
+    BODY_COLOR,
+    GARMENT_COLORS,
+    Surface,
+    contact_sheet,
+    render_frames,
+    three_quarter,
+)
+from uvcloth.rollouts.rollout import RolloutFrame
+from uvcloth.simulation.batch import simulate_batch
+from uvcloth.simulation.plan import ClipSelection
 
 CLIP, FRAMES, STANDING = "twirl", 18, 1.0
 """A built-in clip, the number of its first frames that are used, and the seconds that the stop adds."""

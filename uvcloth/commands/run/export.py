@@ -10,13 +10,6 @@ from rich.console import Console
 from uvcloth.bodies.body import load_body
 from uvcloth.commands.export import Export
 from uvcloth.errors import InputError
-from uvcloth.export.embedding import write_embedding
-from uvcloth.export.gltf_rig import write_rig_glb
-from uvcloth.export.recurrent import write_recurrent
-from uvcloth.export.rig import Rig, Rigged, rig_of
-from uvcloth.export.shapes import Cost
-from uvcloth.export.usd_rig import write_rig_usd
-from uvcloth.export.writer import require_own_names
 from uvcloth.files.atomic import atomic_files
 from uvcloth.garments.fit import Fitting
 from uvcloth.garments.loading import load_outfit
@@ -27,6 +20,13 @@ from uvcloth.methods.registry import load_method
 from uvcloth.methods.rig import BlendRig, PoseRig
 from uvcloth.motion.lead_in import pose_from_rest
 from uvcloth.motion.library import load_clip
+from uvcloth.writers.embedding import write_embedding
+from uvcloth.writers.gltf_rig import write_rig_glb
+from uvcloth.writers.recurrent import write_recurrent
+from uvcloth.writers.rig import Rig, Rigged, rig_of
+from uvcloth.writers.shapes import Cost
+from uvcloth.writers.usd_rig import write_rig_usd
+from uvcloth.writers.writer import require_own_names
 
 RIG_WRITERS: dict[str, Callable[[Rig, Path], None]] = {
     ".glb": write_rig_glb,

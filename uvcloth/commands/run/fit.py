@@ -13,7 +13,6 @@ from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.visible import visible_body
 from uvcloth.commands.fit import Fit
 from uvcloth.errors import InputError
-from uvcloth.export.obj import save_obj
 from uvcloth.files.image import write_png
 from uvcloth.garments.alignment import Known
 from uvcloth.garments.band import held_by
@@ -26,8 +25,9 @@ from uvcloth.garments.templates import TEMPLATES
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.registry import DEFAULT
 from uvcloth.motion.library import load_clip
-from uvcloth.ready import ready_method, ready_rollout
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+from uvcloth.rollouts.ready import ready_method, ready_rollout
+from uvcloth.writers.obj import save_obj
 
 TURNS = (20.0, 110.0, 200.0)
 """Degrees around the body of the three views: front, side and back."""

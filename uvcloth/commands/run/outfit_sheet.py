@@ -9,8 +9,8 @@ from rich.progress import track
 
 from uvcloth.bodies.body import load_body
 from uvcloth.files.image import write_png
-from uvcloth.lighting import COARSE
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+from uvcloth.rendering.lighting import COARSE
+from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, load_pieces
 
 SHOWN = 48

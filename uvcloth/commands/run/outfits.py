@@ -17,7 +17,6 @@ from uvcloth.commands.outfits import Outfits
 from uvcloth.commands.run.body import anny_progress
 from uvcloth.commands.run.outfit_sheet import draw_sheet
 from uvcloth.errors import InputError
-from uvcloth.export.obj import save_obj
 from uvcloth.files.atomic import sole_writer
 from uvcloth.motion.poses import SPLITS
 from uvcloth.process.pool import pool
@@ -30,6 +29,7 @@ from uvcloth.wardrobe.outfit_file import (
     outfit_files,
     save_outfit_file,
 )
+from uvcloth.writers.obj import save_obj
 
 BUILTIN = "builtin"
 """Name of the body that ships with the package."""

@@ -140,9 +140,9 @@ def add_clips(path: Path, clips: Sequence[str]) -> None:
 
 def add_animations(path: Path, animations: Mapping[str, tuple[NDArray[np.float64], float]]) -> None:
     """Add animations to a baked file, behind its own: transforms (F, J, 3, 4) from rest, m, and their fps."""
-    from uvcloth.export.gltf_cloth import animate_cloth
-    from uvcloth.export.gltf_reopened import reopened
     from uvcloth.formats.gltf import read_gltf
+    from uvcloth.writers.gltf_cloth import animate_cloth
+    from uvcloth.writers.gltf_reopened import reopened
 
     skin, document = open_baked(path).skin, reopened(read_gltf(path))
     for name, (transforms, fps) in animations.items():

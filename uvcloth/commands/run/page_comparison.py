@@ -22,10 +22,10 @@ from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.dataset.predicted_file import READERS, read_prediction
 from uvcloth.errors import InputError
-from uvcloth.export.page_frames import pack_frames
 from uvcloth.physics.fabric import FABRICS, FabricName
 from uvcloth.player.baked import FABRIC, BakedFile
 from uvcloth.player.gltf_file import GltfFile
+from uvcloth.writers.page_frames import pack_frames
 
 FPS = 30.0
 """Frames per second of a page's cloth."""

@@ -9,9 +9,6 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.run.page_methods import PageMethod
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.errors import InputError
-from uvcloth.export.page_frames import pack_frames
-from uvcloth.export.page_pose import pack_pose
-from uvcloth.export.page_recurrent import pack_recurrent
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.methods.capabilities import Riggable, before_finish
@@ -20,7 +17,10 @@ from uvcloth.methods.recurrent.rig import RecurrentRig
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.rig import PoseRig
 from uvcloth.physics.fabric import FabricName
-from uvcloth.rollout import rollout
+from uvcloth.rollouts.rollout import rollout
+from uvcloth.writers.page_frames import pack_frames
+from uvcloth.writers.page_pose import pack_pose
+from uvcloth.writers.page_recurrent import pack_recurrent
 
 
 def recurrent_of(names: Sequence[str]) -> PageMethod:

@@ -9,11 +9,11 @@ import numpy as np
 
 from uvcloth.commands.play import Play
 from uvcloth.errors import InputError
-from uvcloth.export.gltf_played import add_played, played_document
 from uvcloth.files.atomic import atomic_write
 from uvcloth.physics.fabric import FabricName, find_fabrics
 from uvcloth.player.baked import FABRIC, BakedFile, JointMotion, open_baked
 from uvcloth.player.outfit import Cloth, Outfit
+from uvcloth.writers.gltf_played import add_played, played_document
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def _write(path: Path, baked: BakedFile, motion: JointMotion, garments: list[np.
         return write_garments(path, baked, motion, garments)
     document, time = played_document(baked, motion)
     if motion.animation is None:
-        from uvcloth.export.gltf_nodes import animate_nodes
+        from uvcloth.writers.gltf_nodes import animate_nodes
 
         animate_nodes(document, baked.skin.nodes, baked.skin.worlds(motion.transforms), time)
     add_played(document, baked, time, garments)

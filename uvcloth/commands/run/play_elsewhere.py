@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from uvcloth.export.gltf_played import mesh_faces
-from uvcloth.export.writer import open_writer
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.player.baked import BakedFile, BakedGarment, JointMotion
+from uvcloth.writers.gltf_played import mesh_faces
+from uvcloth.writers.writer import open_writer
 
 
 def write_garments(

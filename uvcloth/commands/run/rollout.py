@@ -20,18 +20,18 @@ from uvcloth.commands.run.view import live_audience
 from uvcloth.commands.run.visible import visible_outfit
 from uvcloth.commands.run.worn import load_wanted_method, load_worn
 from uvcloth.errors import InputError
-from uvcloth.export.pictures import SHEETS, sheet_interval
-from uvcloth.export.shot import Shot
-from uvcloth.export.size import announce
-from uvcloth.export.writer import close_together, open_writer
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.cloth_exposure import ClothExposure
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.hidden_skin import HiddenSkin
 from uvcloth.process.threads import limited_threads
-from uvcloth.ready import find_device, ready_rollout
-from uvcloth.rollout import BrokenRolloutError, RolloutFrame
+from uvcloth.rollouts.ready import find_device, ready_rollout
+from uvcloth.rollouts.rollout import BrokenRolloutError, RolloutFrame
+from uvcloth.writers.pictures import SHEETS, sheet_interval
+from uvcloth.writers.shot import Shot
+from uvcloth.writers.size import announce
+from uvcloth.writers.writer import close_together, open_writer
 
 
 class Audience(Protocol):

@@ -2,11 +2,11 @@
 
 from uvcloth.bodies.body import load_body
 from uvcloth.commands.simulate import Simulate
-from uvcloth.simulate.batch import simulate_batch
-from uvcloth.simulate.outfits import simulate_outfits
-from uvcloth.simulate.plan import ClipSelection
-from uvcloth.simulate.planned import simulate_plan
-from uvcloth.simulate.workers import Workers
+from uvcloth.simulation.batch import simulate_batch
+from uvcloth.simulation.outfits import simulate_outfits
+from uvcloth.simulation.plan import ClipSelection
+from uvcloth.simulation.planned import simulate_plan
+from uvcloth.simulation.workers import Workers
 
 
 def run(command: Simulate) -> None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 
-from uvcloth.difficulties import Difficulties
-from uvcloth.rollout import RolloutFrame
+from uvcloth.rollouts.difficulties import Difficulties
+from uvcloth.rollouts.rollout import RolloutFrame
 
 INVISIBLE = 0.05
 """Percent of the covered skin below which showing skin is invisible."""

@@ -10,7 +10,7 @@ from uvcloth.bodies.body import load_body
 from uvcloth.commands.run.worn import load_wanted_method, load_worn
 from uvcloth.commands.tryon import TryOn
 from uvcloth.files.image import read_picture, write_png
-from uvcloth.ready import ready_rollout
+from uvcloth.rollouts.ready import ready_rollout
 from uvcloth.tryon.fit import fit_person, require_fit
 from uvcloth.tryon.keypoints import read_keypoints
 from uvcloth.tryon.picture import dressed_picture, fitted_picture

@@ -11,7 +11,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.commands.view import View
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.process.threads import limited_threads
-from uvcloth.rollout import RolloutFrame
+from uvcloth.rollouts.rollout import RolloutFrame
 from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance
 from uvcloth.view.viewer import Viewer

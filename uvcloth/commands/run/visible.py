@@ -10,7 +10,7 @@ from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.method import Method
 from uvcloth.methods.physics.method import Physics
-from uvcloth.rollout import JUMPED, RolloutFrame
+from uvcloth.rollouts.rollout import JUMPED, RolloutFrame
 from uvcloth.wrinkles.model import SHIPPED, load_wrinkles
 from uvcloth.wrinkles.outfit import WrinkledOutfit
 

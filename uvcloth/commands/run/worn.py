@@ -16,7 +16,7 @@ from uvcloth.garments.tucks import Tuck
 from uvcloth.methods.automatic import AUTO, named_models
 from uvcloth.methods.finish_names import FinishName
 from uvcloth.methods.method import Method
-from uvcloth.ready import ready_method
+from uvcloth.rollouts.ready import ready_method
 
 
 def load_worn(

@@ -1,4 +1,4 @@
-// Files of arrays, as uvcloth/export/page_arrays.py writes them.
+// Files of arrays, as uvcloth/writers/page_arrays.py writes them.
 import { inflated } from "./files.js";
 
 const KINDS = { int8: Int8Array, uint8: Uint8Array, uint16: Uint16Array, int32: Int32Array, float32: Float32Array };
