@@ -98,7 +98,7 @@ WrinkleSheet read_wrinkle_sheet(const Sections &sections, const char *prefix, Ar
     }
     Array<Vec> normals = work.take<Vec>(points);
     Array<Axes> axes = work.take<Axes>(count);
-    find_normals(sheet, rest.data, normals);
+    find_normals(faces, rest.data, normals);
     sheet.rest_forms = arena.take<Forms>(count);
     Array<Forms> forms = work.take<Forms>(count);
     find_forms(sheet, rest.data, normals.data, forms.data, axes.data, work);
@@ -106,9 +106,9 @@ WrinkleSheet read_wrinkle_sheet(const Sections &sections, const char *prefix, Ar
     return sheet;
 }
 
-void find_normals(const WrinkleSheet &sheet, const Vec *points, Array<Vec> normals) {
+void find_normals(Array<Face> faces, const Vec *points, Array<Vec> normals) {
     for (Vec &normal : normals) normal = {};
-    for (Face face : sheet.faces) {
+    for (Face face : faces) {
         Vec area = face_normal(face, points);
         for (int corner = 0; corner < 3; corner++) normals[face[corner]] += area;
     }

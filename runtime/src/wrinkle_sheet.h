@@ -57,7 +57,7 @@ WrinkleSheet read_wrinkle_sheet(const Sections &sections, const char *prefix, Ar
 void find_forms(const WrinkleSheet &sheet, const Vec *points, const Vec *normals, Forms *forms, Axes *axes,
                 Arena &work);
 
-// Unit normals (U) of a garment at points (U), m: means of faces by their areas.
-void find_normals(const WrinkleSheet &sheet, const Vec *points, Array<Vec> normals);
+// Unit normals (U) of cloth at points (U), m: means of faces by their areas.
+void find_normals(Array<Face> faces, const Vec *points, Array<Vec> normals);
 
 }  // namespace uvc

@@ -19,6 +19,9 @@ constexpr float SHORTEST = 1e-4f, FASTEST = 1e3f;
 // Most garments with wrinkles.
 constexpr int MOST_WRINKLED = 31;
 
+// Times that the shares of what lies on itself are spread to neighbours.
+constexpr int FADING = 2;
+
 // Most frames that are counted.
 constexpr int MOST_FRAMES = 1 << 30;
 
@@ -135,14 +138,35 @@ Array<Vec> spread(const WrinkleSheet &sheet, const Axes *axes, const float *disp
     return smooth;
 }
 
-// Displaces the smooth refined surface by offsets; inwards only up to planes along the skin, which between
-// points are those between theirs.
+// Shares (U) of displacements that are shown: none where the garment is folded onto itself, where both sides
+// would go through each other, and few around it.
+Array<float> find_shares(const WrinkledGarment &garment, const Beside *beside, Arena &work) {
+    int count = garment.sheet.free.size;
+    Array<float> shares = work.room<float>(count), before = work.room<float>(count);
+    for (int k = 0; k < count; k++) shares[k] = beside[k].open;
+    for (int turn = 0; turn < FADING; turn++) {
+        swap(shares, before);
+        for (int k = 0; k < count; k++) {
+            int first = garment.rings.starts[k], last = garment.rings.starts[k + 1];
+            float total = 0;
+            for (int j = first; j < last; j++) total += before[garment.rings.ring[j]];
+            shares[k] = last > first ? least(before[k], total / (float)(last - first)) : before[k];
+        }
+    }
+    for (int k = 0; k < count; k++) shares[k] *= garment.sheet.free[k];
+    return shares;
+}
+
+// Displaces the smooth refined surface by shares of offsets; towards the skin, or another garment that is
+// closer, only up to planes, which between points are those between theirs.
 void displace(const WrinkleSheet &sheet, const Vec *points, const float *thickness, const NearSkin *near,
-              Array<Vec> offsets, Vec *vertices, Arena &work) {
-    Array<Lanes> known = work.room<Lanes>(most(sheet.free.size, 1));
-    for (int k = 0; k < sheet.free.size; k++) {
-        Vec p = points[k], n = near[k].outward;
-        known[k] = Lanes{p.x, p.y, p.z, n.x, n.y, n.z, near[k].away - thickness[k], sheet.free[k]};
+              const Beside *beside, Array<float> shares, Array<Vec> offsets, Vec *vertices, Arena &work) {
+    Array<Lanes> known = work.room<Lanes>(most(shares.size, 1));
+    for (int k = 0; k < shares.size; k++) {
+        NearSkin plane{near[k].away - thickness[k], near[k].outward};
+        if (beside[k].other.away < plane.away) plane = beside[k].other;
+        Vec p = points[k], n = plane.outward;
+        known[k] = Lanes{p.x, p.y, p.z, n.x, n.y, n.z, plane.away, shares[k]};
     }
     const Rows &rows = sheet.refined.rows;
     for (int vertex = 0; vertex < offsets.size; vertex++) {
@@ -166,9 +190,9 @@ Wrinkles read_wrinkles(const Sections &sections, Arena &arena, Failure &failure)
     wrinkles.network = read_wrinkle_network(sections, arena, failure);
     wrinkles.gain = read_number(sections, "wrinkles.gain", failure);
     wrinkles.lag = read_number(sections, "wrinkles.lag", failure);
-    Array<float> rest = read_floats(sections, "points.rest", -1, 3, work, failure);
+    Array<float> rest = read_floats(sections, "points.rest", -1, 3, arena, failure);
     int points = wrinkles.points = rest.size / 3;
-    Array<int32_t> corners = read_faces(sections, "fine.faces", points, work, failure);
+    Array<int32_t> corners = read_faces(sections, "fine.faces", points, arena, failure);
     wrinkles.thickness = read_floats(sections, "fine.thickness", points, 1, arena, failure);
     Array<int32_t> starts = read_integers(sections, "garments.starts", -1, 1, work, failure);
     int garments = most(starts.size - 1, 0);
@@ -178,8 +202,11 @@ Wrinkles read_wrinkles(const Sections &sections, Arena &arena, Failure &failure)
     Array<int32_t> skin_faces = read_faces(sections, "skin.faces", skin.size / 3, arena, failure);
     if (which.size > MOST_WRINKLED) failure.say("more than %d garments have wrinkles", MOST_WRINKLED);
     if (failure.failed) return {};
-    Array<Face> faces{reinterpret_cast<Face *>(corners.data), corners.size / 3};
+    Array<Face> faces = wrinkles.faces = {reinterpret_cast<Face *>(corners.data), corners.size / 3};
     Array<Vec> places{reinterpret_cast<Vec *>(rest.data), points};
+    wrinkles.cloth = {places, arena.take<int32_t>(points)};
+    for (int garment = 0; garment < garments; garment++)
+        for (int k = starts[garment]; k < starts[garment + 1]; k++) wrinkles.cloth.garments[k] = garment;
     wrinkles.garments = arena.take<WrinkledGarment>(which.size);
     for (int k = 0; k < which.size; k++) {
         WrinkledGarment &one = wrinkles.garments[k];
@@ -190,6 +217,7 @@ Wrinkles read_wrinkles(const Sections &sections, Arena &arena, Failure &failure)
         one.sheet = read_wrinkle_sheet(sections, Prefix(k).text, places.part(first, last), own,
                                        wrinkles.network.size, arena, failure);
         if (failure.failed) return {};
+        one.rings = vertex_rings(own, last - first, arena);
         one.garment = which[k];
         one.points = first;
         one.texels = wrinkles.texels;
@@ -237,6 +265,8 @@ void wrinkle(const Wrinkles &wrinkles, const WrinkleMemory &memory, const Vec *p
     float rate = 1 / most(seconds, SHORTEST);
     float stays = wrinkles.lag > 0 && !is_first ? __builtin_expf(-seconds / wrinkles.lag) : 0;
     SkinSearch search(wrinkles.skin, skin, work);
+    Array<Vec> normals = work.room<Vec>(wrinkles.points);
+    find_normals(wrinkles.faces, points, normals);
     for (const WrinkledGarment &garment : wrinkles.garments) {
         Scope garment_scope(work);
         const WrinkleSheet &sheet = garment.sheet;
@@ -254,9 +284,7 @@ void wrinkle(const Wrinkles &wrinkles, const WrinkleMemory &memory, const Vec *p
             velocities[k] = velocity;
             before[k] = here[k];
         }
-        Array<Vec> normals = work.room<Vec>(count);
-        find_normals(sheet, here, normals);
-        find_forms(sheet, here, normals.data, frame.forms.data, frame.axes.data, work);
+        find_forms(sheet, here, normals.data + garment.points, frame.forms.data, frame.axes.data, work);
         Forms *forms = memory.forms + garment.texels;
         const Forms *last = is_first ? frame.forms.data : forms;
         Maps inputs = make_inputs(sheet, frame, last, rate, wrinkles.network.size, work);
@@ -270,8 +298,11 @@ void wrinkle(const Wrinkles &wrinkles, const WrinkleMemory &memory, const Vec *p
                 kept = now + stays * (kept - now);
             }
         Array<Vec> offsets = spread(sheet, frame.axes.data, shown, wrinkles.gain, work);
-        displace(sheet, here, wrinkles.thickness.data + garment.points, frame.near.data, offsets,
-                 vertices + garment.vertices, work);
+        Array<Beside> beside = work.room<Beside>(count);
+        find_beside(wrinkles.cloth, points, normals.data, garment.points, garment.points + count,
+                    beside.data, work);
+        displace(sheet, here, wrinkles.thickness.data + garment.points, frame.near.data, beside.data,
+                 find_shares(garment, beside.data, work), offsets, vertices + garment.vertices, work);
     }
     *memory.frames = least(*memory.frames + 1, MOST_FRAMES);
 }

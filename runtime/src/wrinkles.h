@@ -1,26 +1,30 @@
 // Wrinkles: folds that cages are too coarse for, which a network displaces a finer mesh by.
 #pragma once
 
-#include "skin_distance.h"
+#include "cloth_beside.h"
 #include "wrinkle_network.h"
 #include "wrinkle_sheet.h"
 
 namespace uvc {
 
 // A garment with wrinkles. garment: its place in the outfit. points, texels, vertices: first of its points
-// among those of the outfit, and of its texels and vertices among those of all garments with wrinkles.
+// among those of the outfit, and of its texels and vertices among those of all garments with wrinkles. rings:
+// neighbours of its points.
 struct WrinkledGarment {
     WrinkleSheet sheet;
+    Rings rings;
     int garment, points, texels, vertices;
 };
 
-// Garments of an outfit with wrinkles. thickness: (U) m of other cloth between a point and the body. gain:
+// Garments of an outfit with wrinkles. cloth, faces: of all garments. thickness: (U) m of other cloth between a point and the body. gain:
 // factor on displacements. lag: s after which they have gone 63 % of the way to new ones. points: U; texels,
 // vertices: of all these garments.
 struct Wrinkles {
     WrinkleNetwork network;
     Array<WrinkledGarment> garments;
     WholeSkin skin;
+    Cloth cloth;
+    Array<Face> faces;
     Array<float> thickness;
     float gain, lag;
     int points, texels, vertices;

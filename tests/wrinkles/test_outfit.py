@@ -121,6 +121,38 @@ def test_wrinkles_keep_off_the_skin(wrinkles: Wrinkles) -> None:
     assert lowest(0.005) > CLEARANCE - 0.005 - 1e-4
 
 
+def test_no_wrinkles_where_cloth_lies_on_itself(wrinkles: Wrinkles) -> None:
+    """The strip is folded in its middle, so that halves are 8 mm apart, or 40."""
+
+    def shown(thick: float) -> tuple[Tensor, Tensor]:
+        x, y, _ = strip().vertices.unbind(1)
+        radius, along = 0.5 * thick, y - 0.5 * float(y.max())
+        turn = (along / radius).clamp(0.0, math.pi)
+        beyond = (along - math.pi * radius).clamp(min=0.0)
+        folded = torch.stack(
+            [x, along.clamp(max=0.0) + radius * turn.sin() - beyond, radius * (1.0 - turn.cos())], 1
+        )
+        moved = (played(wrinkles, [folded]) - Refined.of(strip()).at(folded)).norm(dim=1)
+        return moved, Refined.of(strip()).mesh.vertices[:, 1] / float(y.max())
+
+    moved, share = shown(0.008)
+    assert float(moved[(share > 0.3) & (share < 0.4)].max()) < 1e-6
+    moved, share = shown(0.04)
+    assert float(moved[(share > 0.3) & (share < 0.4)].mean()) > 1e-3
+
+
+def test_wrinkles_keep_off_a_garment_beside_them(wrinkles: Wrinkles) -> None:
+    """Another strip lies 5 mm beneath."""
+    cloth, under = garment(strip()), strip()
+    under = replace(under, vertices=under.vertices - torch.tensor([0.0, 0.0, 0.005]))
+    outfit = Outfit(small_body(), (garment(under, "dress"), cloth))
+    strong = Wrinkles(replace(CONFIG, gain=3.0), wrinkles.net)
+    wrinkled = WrinkledOutfit(strong, outfit, [outfit.garments[0].mesh, cloth.mesh], "default")
+    _, shown = wrinkled.shown((under.vertices, cloth.mesh.vertices), skin(), FPS)
+    assert float(played(strong, [strip().vertices])[:, 2].min()) < -0.01
+    assert float(shown[:, 2].min()) > CLEARANCE - 0.005 - 1e-4
+
+
 def test_what_is_shown_lags(wrinkles: Wrinkles) -> None:
     first, second = strip(curvature=1.0).vertices, strip(curvature=2.0).vertices
 

@@ -9,11 +9,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.refined import Refined
-from uvcloth.geometry.mesh import Mesh, join_meshes, neighbour_average
+from uvcloth.geometry.mesh import Mesh, WeldedMesh, join_meshes, neighbour_average, welded
 from uvcloth.physics.layer_thickness import outfit_thickness
 from uvcloth.physics.layers import Layer
 from uvcloth.player.wrinkles import WrinkleMaker
@@ -106,8 +105,14 @@ class WrinkledOutfit:
             self._sheets[place].refined.mesh if place in self._sheets else mesh
             for place, mesh in enumerate(meshes)
         )
+        cloth = {
+            place: welded(garment.mesh.vertices, garment.mesh.faces)
+            for place, garment in enumerate(outfit.garments)
+            if meshes[place] is garment.mesh
+        }
+        self._kept = {place: mesh.kept for place, mesh in cloth.items()}
         try:
-            self._maker = WrinkleMaker(_runtime_sections(laid_out, outfit.body)) if self._sheets else None
+            self._maker = WrinkleMaker(_runtime_sections(laid_out, cloth)) if self._sheets else None
         except ValueError as error:
             raise InputError(f"--wrinkles: {error}") from error
         self._counts = [len(sheet.refined.mesh.vertices) for sheet in self._sheets.values()]
@@ -124,27 +129,25 @@ class WrinkledOutfit:
         """
         if self._maker is None:
             return tuple(garments)
-        points = torch.cat([garments[place][sheet.refined.kept] for place, sheet in self._sheets.items()])
+        points = torch.cat([garments[place][kept] for place, kept in self._kept.items()])
         made = self._maker.wrinkle(points.numpy(), body_vertices.numpy(), 1.0 / fps)
         wrinkled = dict(zip(self._sheets, torch.from_numpy(made).split(self._counts), strict=True))
         return tuple(wrinkled.get(place, vertices) for place, vertices in enumerate(garments))
 
 
-def _runtime_sections(laid_out: WrinkledSheets, body: Body) -> dict[str, NDArray[Any]]:
-    """All that the runtime reads of wrinkles without the outfit around them."""
-    meshes = [sheet.mesh for sheet in laid_out.sheets.values()]
-    joined = join_meshes((mesh.points, mesh.faces) for mesh in meshes)
-    every = [(garment.mesh.vertices, garment.mesh.faces) for garment in laid_out.outfit.garments]
-    thickness = outfit_thickness([vertices for vertices, _ in every], every).split(
-        [len(vertices) for vertices, _ in every]
-    )
-    kept = [thickness[place][sheet.refined.kept] for place, sheet in laid_out.sheets.items()]
+def _runtime_sections(laid_out: WrinkledSheets, cloth: Mapping[int, WeldedMesh]) -> dict[str, NDArray[Any]]:
+    """All that the runtime reads of wrinkles without the outfit around them.
+
+    cloth: the garments that may have wrinkles or lie beside some, by their place in the outfit.
+    """
+    meshes, body = [(mesh.points, mesh.faces) for mesh in cloth.values()], laid_out.outfit.body
+    joined, places = join_meshes(meshes), list(cloth)
     return {
         **laid_out.sections(),
-        "wrinkles.garments": np.arange(len(meshes)),
+        "wrinkles.garments": np.array([places.index(place) for place in laid_out.sheets]),
         "points.rest": joined.vertices.numpy(),
         "fine.faces": joined.faces.numpy(),
-        "fine.thickness": torch.cat(kept).numpy(),
+        "fine.thickness": outfit_thickness([points for points, _ in meshes], meshes).numpy(),
         "garments.starts": np.array([*joined.starts, len(joined.vertices)]),
         "skin.rest": body.mesh.vertices.numpy(),
         "skin.faces": body.mesh.faces.numpy(),
