@@ -11,8 +11,8 @@ struct Cloth {
     Array<int32_t> garments;
 };
 
-// A point with other cloth around it. open: 1 where the garment faces none of its own cloth, 0 where it lies on
-// it. other: the closest other garment, as if it were skin; the reach of the search and nothing if none is near.
+// A point with other cloth around it. open: 1 where the garment faces none of its own cloth, 0 where it lies
+// on it. other: the closest other garment, as if it were skin; the reach and nothing if none is near.
 struct Beside {
     float open;
     NearSkin other;

@@ -8,8 +8,8 @@
 namespace uvc {
 
 // A garment with wrinkles. garment: its place in the outfit. points, texels, vertices: first of its points
-// among those of the outfit, and of its texels and vertices among those of all garments with wrinkles. rings:
-// neighbours of its points.
+// among those of the outfit, and of its texels and vertices among those of all garments with wrinkles.
+// rings: neighbours of its points.
 struct WrinkledGarment {
     WrinkleSheet sheet;
     Rings rings;
