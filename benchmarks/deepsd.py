@@ -95,7 +95,7 @@ PICTURE_SIZE = (300, 560)
 
 
 @dataclass(frozen=True)
-class Options:
+class DeepSDBenchmark:
     """Measure DeePSD."""
 
     run: Path | None = None
@@ -239,7 +239,7 @@ def draw_weights(method: DeePSD, outfit: Outfit, path: Path) -> None:
     write_png(path, contact_sheet(images, len(columns)))
 
 
-def main(options: Options) -> None:
+def main(options: DeepSDBenchmark) -> None:
     torch.set_num_threads(1)
     body, console = load_body(options.body), Console()
     method = load_method(options.run, body) if options.run else DeePSD.untrained(DeePSDConfig())
@@ -264,4 +264,4 @@ def main(options: Options) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options))
+    main(tyro.cli(DeepSDBenchmark))

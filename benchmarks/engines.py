@@ -39,7 +39,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.errors import InputError
-from uvcloth.garments.joined import Cloth, join
+from uvcloth.garments.joined import EngineMesh, join
 from uvcloth.garments.remesh import remesh, surface_of
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import unique_edges
@@ -183,7 +183,7 @@ def _motion(name: str, body: Body) -> tuple[Clip, int, int]:
     return load_clip(MOCAP / entry.file, body), entry.start, entry.frames
 
 
-def _run(engine: Engine, cloth: Cloth, motion: tuple[Clip, int, int], frames: int, body: Body) -> Run:
+def _run(engine: Engine, cloth: EngineMesh, motion: tuple[Clip, int, int], frames: int, body: Body) -> Run:
     """Simulate the beginning of a window, as data are made."""
     clip, start, most = motion
     window, before = run_up(clip, start, min(frames, most))
@@ -195,7 +195,7 @@ def _run(engine: Engine, cloth: Cloth, motion: tuple[Clip, int, int], frames: in
 
 
 def _engines(
-    cloth: Cloth, motions: dict[str, tuple[Clip, int, int]], frames: int, slow_frames: int, body: Body
+    cloth: EngineMesh, motions: dict[str, tuple[Clip, int, int]], frames: int, slow_frames: int, body: Body
 ) -> Table:
     table = Table(
         *(cloth.garment.name, "frames", "ms a frame", "explicit's", "inside, %", "crossing, %"),
@@ -252,7 +252,7 @@ def _distances(runs: dict[str, Run], others: dict[str, Run], frames: int) -> lis
 
 
 def _resolutions(
-    cloth: Cloth,
+    cloth: EngineMesh,
     motions: dict[str, tuple[Clip, int, int]],
     frames: int,
     body: Body,
@@ -275,7 +275,7 @@ def _resolutions(
 
 
 def _timed(
-    engine: Engine, cloth: Cloth, motion: tuple[Clip, int, int], count: int, frames: int, body: Body
+    engine: Engine, cloth: EngineMesh, motion: tuple[Clip, int, int], count: int, frames: int, body: Body
 ) -> Resampled:
     """The engine on another mesh, with the times of the frames after the warm-up."""
     clip, start, most = motion

@@ -62,7 +62,7 @@ WIDTH = 160
 
 
 @dataclass(frozen=True)
-class Frame:
+class DressedFrames:
     """Measure dressed frames."""
 
     models: tuple[str, ...] = ("physics@fast", "physics", "physics@fine", "physxnet", "physxnet@dynamic")
@@ -177,4 +177,4 @@ def _skirts(count: int, body: Body) -> tuple[Garment, ...]:
 
 
 if __name__ == "__main__":
-    sys.exit(run_command("frame.py", lambda: tyro.cli(Frame).run()))
+    sys.exit(run_command("frame.py", lambda: tyro.cli(DressedFrames).run()))

@@ -42,7 +42,7 @@ from uvcloth.writers.writer import open_writer
 
 
 @dataclass(frozen=True)
-class Options:
+class MotionGuidedBenchmark:
     """Measure a preset on the dress."""
 
     preset: str = "fast"
@@ -125,7 +125,7 @@ def stages(made: MotionGuided, garment: Garment, body: Body, clip: Clip) -> dict
     return {stage: median(values[2:]) + rest * (stage == "writing") for stage, values in spent.items()}
 
 
-def main(options: Options) -> None:
+def main(options: MotionGuidedBenchmark) -> None:
     body = load_body()
     clip = load_clip(options.clip, body).window(0, options.frames)
     garment = garment_of(body, options.vertices)
@@ -149,4 +149,4 @@ def main(options: Options) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options))
+    main(tyro.cli(MotionGuidedBenchmark))

@@ -57,7 +57,7 @@ SHOWN = ("torch", "numpy", "scipy", "warp-lang", "usd-core")
 
 
 @dataclass(frozen=True)
-class Options:
+class VersionsBenchmark:
     """Make the environments that are not there, and run tests in each."""
 
     folder: Path
@@ -71,7 +71,7 @@ class Options:
 
 
 def main() -> None:
-    options = tyro.cli(Options)
+    options = tyro.cli(VersionsBenchmark)
     table = Table("environment", *SHOWN, "tests", "minutes")
     for name in options.only:
         python = made(name, options)
@@ -84,7 +84,7 @@ def main() -> None:
     Console().print(table)
 
 
-def made(name: str, options: Options) -> Path:
+def made(name: str, options: VersionsBenchmark) -> Path:
     """The Python of an environment, which is made if it is not there."""
     version, resolution = ENVIRONMENTS[name]
     folder = options.folder / name

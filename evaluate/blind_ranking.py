@@ -30,7 +30,7 @@ PRIOR = 10.0
 
 
 @dataclass(frozen=True)
-class Answer:
+class Vote:
     """One pair. left: share of a win of the left side. person: that answered."""
 
     left: str
@@ -50,7 +50,7 @@ class Ranked:
     pairs: int
 
 
-def read_answers(paths: Sequence[Path]) -> list[Answer]:
+def read_answers(paths: Sequence[Path]) -> list[Vote]:
     """Read saved answers, a file for each person. Raises InputError naming a file of another kind."""
     answers = []
     for person, path in enumerate(paths):
@@ -65,13 +65,13 @@ def read_answers(paths: Sequence[Path]) -> list[Answer]:
                 or each["answer"] not in WINS
             ):
                 raise InputError(f"{path}: expected answers of left, right or neither, not {each!s:.60}")
-            answers.append(Answer(str(each["left"]), str(each["right"]), WINS[each["answer"]], person))
+            answers.append(Vote(str(each["left"]), str(each["right"]), WINS[each["answer"]], person))
     if not answers:
         raise InputError(f"{paths[0]}: holds no answer")
     return answers
 
 
-def rank(answers: Sequence[Answer]) -> list[Ranked]:
+def rank(answers: Sequence[Vote]) -> list[Ranked]:
     """Methods by their strength in the model of Bradley and Terry (1952), the best first.
 
     Intervals are from resampled people, or from resampled answers where one person gave them all; an answer

@@ -31,7 +31,7 @@ SHOWN = 50
 
 
 @dataclass(frozen=True)
-class Part:
+class ScoredPart:
     """A unit of scoring: a garment of an outfit, or the whole outfit as one mesh.
 
     rows: its vertices among those of the outfit. meshes: of its garments at rest. reference: the scored
@@ -58,7 +58,7 @@ class Case:
     clip: SimulatedClip
     members: tuple[SimulatedClip, ...]
     outfit: Outfit
-    parts: tuple[Part, ...]
+    parts: tuple[ScoredPart, ...]
     start: int
     transforms: Tensor
     body_vertices: Tensor
@@ -197,7 +197,7 @@ def make_case(
     members: other simulations of the clip and its garments. turned: as of a `Case`.
     """
     scored = slice(clip.warm_up, None if frames is None else clip.warm_up + frames)
-    parts: list[Part] = []
+    parts: list[ScoredPart] = []
     row = 0
     transforms = clip.transforms[scored]
     for index, (garment, simulated) in enumerate(zip(outfit.garments, clip.garments, strict=True)):
@@ -212,7 +212,7 @@ def make_case(
             *(map_texels or (None, None)),
         )
         rows = slice(row, row + len(simulated.rest))
-        parts.append(Part(garment.name, rows, (garment.mesh,), reference))
+        parts.append(ScoredPart(garment.name, rows, (garment.mesh,), reference))
         row = rows.stop
     if len(parts) > 1:
         parts.append(_whole(parts, row))
@@ -220,7 +220,7 @@ def make_case(
     return Case(windows, clip, tuple(members), outfit, tuple(parts), clip.warm_up, transforms, posed, turned)
 
 
-def _whole(parts: Sequence[Part], vertices: int) -> Part:
+def _whole(parts: Sequence[ScoredPart], vertices: int) -> ScoredPart:
     """The garments of an outfit as one mesh, which has no map."""
     joined = join_meshes((part.reference.rest, part.reference.faces) for part in parts)
     references = [part.reference for part in parts]
@@ -236,7 +236,7 @@ def _whole(parts: Sequence[Part], vertices: int) -> Part:
         texel_barycentrics=None,
     )
     meshes = tuple(mesh for part in parts for mesh in part.meshes)
-    return Part(outfit_name([part.name for part in parts]), slice(0, vertices), meshes, reference)
+    return ScoredPart(outfit_name([part.name for part in parts]), slice(0, vertices), meshes, reference)
 
 
 def _require_same(

@@ -51,7 +51,7 @@ class CostPoint:
 
 
 @dataclass(frozen=True)
-class Floor:
+class ReferenceLine:
     """A line at a value. style: of the line. says: its name and value in words."""
 
     value: float
@@ -108,7 +108,7 @@ class Plot:
     def of(
         cls,
         points: Sequence[CostPoint],
-        floors: Sequence[Floor],
+        floors: Sequence[ReferenceLine],
         box: tuple[float, float, float, float],
         logarithmic: bool,
     ) -> "Plot":
@@ -163,7 +163,7 @@ class Plot:
             )
         return [*parts, f'<text class="unit" x="{left - 6}" y="{top - 6}">{escape(unit)}</text>']
 
-    def line(self, floor: Floor) -> str:
+    def line(self, floor: ReferenceLine) -> str:
         """A floor across the plot."""
         left, right, _, _ = self.box
         y = self.up.at(floor.value)
@@ -184,7 +184,7 @@ class Plot:
 
 
 def cost_chart(
-    title: str, points: Sequence[CostPoint], floors: Sequence[Floor], unit: str, logarithmic: bool
+    title: str, points: Sequence[CostPoint], floors: Sequence[ReferenceLine], unit: str, logarithmic: bool
 ) -> Markup:
     """Points of methods after the finish (discs) and before it (rings), joined; names and floors beside it.
 
@@ -206,7 +206,7 @@ def cost_chart(
 
 
 def small_chart(
-    title: str, points: Sequence[CostPoint], floors: Sequence[Floor], unit: str, logarithmic: bool
+    title: str, points: Sequence[CostPoint], floors: Sequence[ReferenceLine], unit: str, logarithmic: bool
 ) -> Markup:
     """The same without names: each disc has the number of its method, its index + 1."""
     right, bottom = SMALL_LEFT + SMALL_WIDTH, TOP + SMALL_HEIGHT

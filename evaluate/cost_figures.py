@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from .candidates import SIMULATION
 from .charts import number
-from .cost_chart import CostPoint, Floor, cost_chart, small_chart
+from .cost_chart import CostPoint, ReferenceLine, cost_chart, small_chart
 from .judge import MEMBER_SUFFIX
 from .standings import Results, actions_in, cells, garments_in, mean_of, methods_on
 
@@ -109,15 +109,19 @@ def _points(results: Results, judged: Mapping[str, Cells], measure: Measure) -> 
 
 def _floors(
     results: Results, garment: str, judged: Mapping[str, Cells], measure: Measure, action: str = ""
-) -> list[Floor]:
+) -> list[ReferenceLine]:
     """Another simulation of the same ensemble, and for ratios the simulation itself. action: "" for all."""
     if measure.logarithmic:
         spread = _spread(judged) if action else results["floor"].get("repeatability_mm", {}).get(garment)
-        return [Floor(spread, f"another simulation {measure.says(spread)}")] if spread else []
+        return [ReferenceLine(spread, f"another simulation {measure.says(spread)}")] if spread else []
     true = [cell for each, cell in cells(results[SIMULATION], garment).items() if action in ("", each)]
     other, beside = (mean_of(true, f"{key}{MEMBER_SUFFIX}") for key in (measure.key, measure.beside))
-    member = [Floor(other, f"another simulation {measure.says(other, beside)}")] if other is not None else []
-    return [Floor(1.0, "the simulation 1", "level"), *member]
+    member = (
+        [ReferenceLine(other, f"another simulation {measure.says(other, beside)}")]
+        if other is not None
+        else []
+    )
+    return [ReferenceLine(1.0, "the simulation 1", "level"), *member]
 
 
 def _spread(judged: Mapping[str, Cells]) -> float | None:
@@ -126,7 +130,7 @@ def _spread(judged: Mapping[str, Cells]) -> float | None:
     return next((cell["ensemble_mm"] / cell["spread_ratio"] for cell in having), None)
 
 
-def _represented(results: Results, garment: str, measure: Measure) -> list[Floor]:
+def _represented(results: Results, garment: str, measure: Measure) -> list[ReferenceLine]:
     """The limit of each method's representation; methods that share it have one line."""
     names: dict[str, list[str]] = {}
     values: dict[str, float] = {}
@@ -138,7 +142,8 @@ def _represented(results: Results, garment: str, measure: Measure) -> list[Floor
             names.setdefault(says, []).append(name)
             values[says] = value
     return [
-        Floor(values[says], f"limit of {_listed(each)} {says}", "floor f0") for says, each in names.items()
+        ReferenceLine(values[says], f"limit of {_listed(each)} {says}", "floor f0")
+        for says, each in names.items()
     ]
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from uvcloth.geometry.mesh import vertex_normals
 
-from .surface import Surface, make_surface
+from .surface import GarmentSurface, make_surface
 
 WAVELENGTHS = (0.08, 0.04, 0.02, 0.01)
 """Limits between the bands, metres, from the longest waves to the shortest."""
@@ -26,7 +26,7 @@ BLURS = (0.02, 0.04)
 class FoldFilters:
     """Filters on a garment's surface. passes: low-pass, at WAVELENGTHS. blurs: averages of BLURS."""
 
-    surface: Surface
+    surface: GarmentSurface
     passes: tuple[Callable[[Tensor], Tensor], ...]
     blurs: tuple[Callable[[Tensor], Tensor], ...]
 

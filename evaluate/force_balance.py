@@ -16,7 +16,7 @@ from uvcloth.geometry.units import GRAVITY
 from uvcloth.physics.energies import ClothEnergies, cloth_energies
 from uvcloth.physics.fabric import Fabric
 
-from .surface import Surface
+from .surface import GarmentSurface
 
 PATCH = 0.08
 """Standard deviation of a patch, metres: forces of waves shorter than twice that are averaged out."""
@@ -41,7 +41,7 @@ LEAST_MASS = 1e-9
 class ForceBalance:
     """The forces of a garment, on its welded surface. average: over patches."""
 
-    surface: Surface
+    surface: GarmentSurface
     energies: ClothEnergies
     average: Callable[[Tensor], Tensor]
 
@@ -60,7 +60,7 @@ class ForceBalance:
         return self.average(gradient / cloth.masses.clamp(min=LEAST_MASS)[:, None] + acceleration)
 
 
-def force_balance(surface: Surface, fabric: Fabric) -> ForceBalance:
+def force_balance(surface: GarmentSurface, fabric: Fabric) -> ForceBalance:
     """The balance of a garment of a fabric."""
     energies = cloth_energies(surface.mesh.points, surface.mesh.faces, fabric)
     return ForceBalance(surface, energies, surface.diffusion(PATCH))

@@ -14,7 +14,7 @@ from uvcloth.rollouts.rollout import PreparedRollout, prepare_rollout
 
 from .body_scores import body_scores
 from .candidates import Candidate
-from .case import Case, Part
+from .case import Case, ScoredPart
 from .continuity import continuity_scores
 from .looks import look_scores
 from .metrics import (
@@ -127,7 +127,7 @@ def judge_simulation(case: Case) -> CaseScores:
     return replace(scored, parts=parts)
 
 
-def _member_scores(case: Case, part: Part) -> Scores:
+def _member_scores(case: Case, part: ScoredPart) -> Scores:
     """Looks of the first other member of an ensemble; nothing without one."""
     others = part.reference.members[:1]
     return {
@@ -169,7 +169,7 @@ def _frame_scores(case: Case, frames: Tensor) -> dict[str, dict[str, Tensor]]:
     return parts
 
 
-def _look_scores(case: Case, part: Part, vertices: Tensor) -> Scores:
+def _look_scores(case: Case, part: ScoredPart, vertices: Tensor) -> Scores:
     """Measures of motion and looks of a part (F, N, 3)."""
     dressed = case.dressed[part.name]
     return look_scores(case.looks[part.name], vertices, part.reference, dressed, case.body_vertices)

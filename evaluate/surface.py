@@ -32,7 +32,7 @@ THINNEST = 1e-12
 
 
 @dataclass(frozen=True)
-class Surface:
+class GarmentSurface:
     """A garment at rest.
 
     mesh: welded, of n points. areas: (n,) m2. laplacian: (n, n).
@@ -72,7 +72,7 @@ class Surface:
         return filtered
 
 
-def make_surface(rest: Tensor, faces: Tensor) -> Surface:
+def make_surface(rest: Tensor, faces: Tensor) -> GarmentSurface:
     """The surface of a mesh at rest (N, 3) m with faces (M, 3)."""
     mesh = welded(rest, faces)
     corners, vertices, count = mesh.faces, mesh.points.double(), len(mesh.points)
@@ -87,7 +87,7 @@ def make_surface(rest: Tensor, faces: Tensor) -> Surface:
     places = (torch.cat(rows).numpy(), torch.cat(columns).numpy())
     adjacency = coo_array((torch.cat(weights).numpy(), places), shape=(count, count)).tocsc()
     areas = vertices.new_zeros(count).index_add(0, corners.flatten(), (doubled / 6.0).repeat_interleave(3))
-    return Surface(
+    return GarmentSurface(
         mesh, areas.clamp(min=THINNEST).numpy(), (diags_array(adjacency.sum(1)) - adjacency).tocsc()
     )
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from uvcloth.process.pool import pool
 
 
-class Job(Protocol):
+class PoolTask(Protocol):
     """A piece of work that another process can do."""
 
     def run(self) -> Any:
@@ -15,7 +15,7 @@ class Job(Protocol):
         ...
 
 
-Work = Callable[[Iterable[Job]], Iterator[Any]]
+Work = Callable[[Iterable[PoolTask]], Iterator[Any]]
 """Runs jobs, and yields each result when it is done."""
 
 
@@ -29,5 +29,5 @@ def workers(count: int) -> Iterator[Work]:
         yield lambda jobs: map(_run, jobs)
 
 
-def _run(job: Job) -> Any:
+def _run(job: PoolTask) -> Any:
     return job.run()

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from .metrics import MM, Reference, sampled_frames
-from .surface import Surface
+from .surface import GarmentSurface
 
 WAVELENGTHS = (0.2, 0.1, 0.05)
 """Limits between the bands, metres, from the longest waves to the shortest."""
@@ -24,11 +24,11 @@ WRINKLED_FRAMES = 10
 class WaveFilters:
     """The bands on a garment's surface. passes: low-pass filters at WAVELENGTHS."""
 
-    surface: Surface
+    surface: GarmentSurface
     passes: tuple[Callable[[Tensor], Tensor], ...]
 
 
-def wave_filters(surface: Surface) -> WaveFilters:
+def wave_filters(surface: GarmentSurface) -> WaveFilters:
     """Prepare the filters of a surface."""
     return WaveFilters(surface, tuple(surface.low_pass(wavelength) for wavelength in WAVELENGTHS))
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.motion.bvh_text import bvh_text, performer, still
-from uvcloth.formats.materials import Pictures, read_libraries
+from uvcloth.formats.materials import TextureFiles, read_libraries
 from uvcloth.formats.obj import read_obj
 from uvcloth.garments.mhclo import read_binding
 from uvcloth.garments.pins import pinned
@@ -29,7 +29,7 @@ INDEX = "trial,subject,split,action,window_start,window_frames\nİstanbul,ann,tr
 
 
 def materials(path: Path) -> Any:
-    return read_libraries(Pictures(path.parent), [path.name])
+    return read_libraries(TextureFiles(path.parent), [path.name])
 
 
 TEXTS: dict[str, tuple[str, Callable[[Path], Any]]] = {

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import collider_near, make_collider, touch_bits
-from uvcloth.bodies.opened import Opening, make_opening
+from uvcloth.bodies.opened import ColliderOpening, make_opening
 from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import skin
 from uvcloth.physics.obstacle import SQUEEZE_GAP
@@ -16,7 +16,7 @@ from uvcloth.physics.surface import FREE, SEARCH_DISTANCE
 
 from . import kernels
 from .launch import array, launch
-from .moving_meshes import MovingMeshes, MovingSheet
+from .moving_meshes import MeshTrees, MovingSheet
 from .posed_batch import ClosestPointCache, Planes, PosedMeshBatch
 
 NEAR_BODY = 0.2
@@ -57,9 +57,9 @@ class PosedParts:
         self._collider = to_device(make_collider(body), device)
         rest = self._collider.vertices(body.mesh.vertices.to(device))
         faces = [part + pose * len(rest) for pose in range(count) for part in self._collider.parts]
-        self._meshes = MovingMeshes(rest.repeat(count, 1), faces)
+        self._meshes = MeshTrees(rest.repeat(count, 1), faces)
 
-    def met_by(self, points: Tensor, body: Body) -> tuple[Tensor, Opening]:
+    def met_by(self, points: Tensor, body: Body) -> tuple[Tensor, ColliderOpening]:
         """The parts of a body that points (N, 3) m at rest may touch, and how these are opened for them.
 
         A bit per part, (N,) int32. Forearms are opened where they have sleeves, as in contact.
@@ -68,7 +68,7 @@ class PosedParts:
         opening = make_opening(self._collider.for_cloth(touches.any(1)), body.mesh.vertices)
         return touch_bits(touches), opening
 
-    def move(self, vertices: Tensor, opening: Opening) -> None:
+    def move(self, vertices: Tensor, opening: ColliderOpening) -> None:
         """Move to the poses of a body (B, V, 3) m, no more than `count`, opened."""
         placed = opening.opened(self._collider.vertices(vertices)).flatten(0, 1)
         self._meshes.update(torch.cat([placed, self._meshes.points[len(placed) :]]))
@@ -93,7 +93,7 @@ class PosedParts:
 
 
 @dataclass(frozen=True)
-class InnerLayer:
+class LayerPair:
     """A garment of an outfit and one worn over it.
 
     rows: (n,) of it among the outfit's U vertices. outer: (m,) those of the other that can meet it. copies:
@@ -127,7 +127,7 @@ class InnerLayer:
         return Planes(closest.normals.view_as(outer), offsets.view(outer.shape[:2]))
 
 
-def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int) -> list[InnerLayer]:
+def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int) -> list[LayerPair]:
     """The layers of an outfit at rest (U, 3) m: garments as rows (n,) among the U and faces (F, 3) into them.
 
     Innermost first, each with what it covers of each of those after it, but for what is on its inner side.
@@ -144,5 +144,5 @@ def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batc
         alone = MovingSheet(outfit[rows], faces)
         for over, _ in garments[index + 1 :]:
             closest = alone.beside(outfit[over], NEAR_LAYER)
-            layers.append(InnerLayer(rows, over[closest.covered & (closest.distance >= 0)], copies))
+            layers.append(LayerPair(rows, over[closest.covered & (closest.distance >= 0)], copies))
     return layers

@@ -21,7 +21,7 @@ from uvcloth.files.atomic import make_folder, require_there
 from uvcloth.files.options import AtLeast, Between
 from uvcloth.process.interruption import uninterrupted
 
-from .state import STATE, Progressed, State, load_state, save_state
+from .state import STATE, Progressed, TrainingState, load_state, save_state
 
 PROGRESS_KEYS = ("step", "minutes")
 """Keys in addition to the scores of a validation."""
@@ -369,9 +369,9 @@ def _settings(training: Training) -> dict[str, Any]:
     return settings
 
 
-def _state(training: Training) -> State:
+def _state(training: Training) -> TrainingState:
     """State of a run, as its file holds it."""
-    return State(
+    return TrainingState(
         networks={name: network.module for name, network in training.networks.items()},
         optimizers=training.optimizers,
         average=training.average if training.config.average else None,

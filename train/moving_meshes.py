@@ -8,13 +8,13 @@ import warp as wp
 from torch import Tensor
 
 from uvcloth.geometry.mesh import vertex_normals
-from uvcloth.physics.layers import COVERING_COSINE, Beside
+from uvcloth.physics.layers import COVERING_COSINE, LayerDistance
 
 from . import kernels
 from .launch import array, launch, stream
 
 
-class MovingMeshes:
+class MeshTrees:
     """Closed meshes over the same moving vertices: one tree each, refitted at every update.
 
     vertices: (V, 3) metres, faces: (F, 3) of each; everything runs on the device of `vertices`. A mesh
@@ -43,7 +43,7 @@ class MovingMeshes:
                 mesh.refit()
 
 
-class MovingSheet(MovingMeshes):
+class MovingSheet(MeshTrees):
     """One open mesh: vertices (M, 3) metres, faces (F, 3)."""
 
     def __init__(self, vertices: Tensor, faces: Tensor) -> None:
@@ -57,7 +57,7 @@ class MovingSheet(MovingMeshes):
         super().update(vertices)
         self._normals.copy_(vertex_normals(self.points, self._faces))
 
-    def beside(self, points: Tensor, reach: float) -> Beside:
+    def beside(self, points: Tensor, reach: float) -> LayerDistance:
         """Closest places of the sheet for points (N, 3) m, no farther than reach, m."""
         points = points.detach().float().contiguous()
         distance, normals = torch.zeros_like(points[:, 0]), torch.zeros_like(points)
@@ -65,4 +65,4 @@ class MovingSheet(MovingMeshes):
         query = (self._id, array(self._normals), array(points), reach, COVERING_COSINE)
         outputs = map(array, (faces, distance, normals))
         launch(kernels.beside_sheet, len(points), self.device, *query, *outputs)
-        return Beside(faces.long(), distance, normals)
+        return LayerDistance(faces.long(), distance, normals)

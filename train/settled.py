@@ -43,7 +43,7 @@ def settle(prepared: CagedOutfit, transforms: Tensor) -> tuple[Tensor, ...]:
 
 
 @dataclass(frozen=True)
-class Settled:
+class SettledOutfit:
     """An outfit at rest in S of P poses.
 
     rows: (S,) of the poses; those in which cloth flew apart are left out. vertices: (S, N, 3) m, all
@@ -55,7 +55,7 @@ class Settled:
     tried: int
 
 
-def settled_outfit(outfit: Outfit, transforms: Tensor, path: Path) -> Settled:
+def settled_outfit(outfit: Outfit, transforms: Tensor, path: Path) -> SettledOutfit:
     """Settle an outfit in poses (P, J, 3, 4), or read it from the file that keeps it.
 
     A file that an interruption left is continued. Raises InputError for a file of another outfit or other
@@ -73,31 +73,31 @@ def settled_outfit(outfit: Outfit, transforms: Tensor, path: Path) -> Settled:
             vertices.append(torch.cat(settle(prepared, transforms[row]))[None])
             rows.append(torch.tensor([row]))
         if (row + 1) % SAVED_EVERY == 0 or row + 1 == len(transforms):
-            settled = Settled(torch.cat(rows), torch.cat(vertices), row + 1)
+            settled = SettledOutfit(torch.cat(rows), torch.cat(vertices), row + 1)
             _save(settled, of, path)
     return settled
 
 
-def _nothing(outfit: Outfit) -> Settled:
+def _nothing(outfit: Outfit) -> SettledOutfit:
     """No pose yet."""
     vertices = sum(len(garment.mesh.vertices) for garment in outfit.garments)
-    return Settled(torch.zeros(0, dtype=torch.int64), torch.zeros(0, vertices, 3), 0)
+    return SettledOutfit(torch.zeros(0, dtype=torch.int64), torch.zeros(0, vertices, 3), 0)
 
 
-def _save(settled: Settled, of: str, path: Path) -> None:
+def _save(settled: SettledOutfit, of: str, path: Path) -> None:
     """Write the poses that are settled so far."""
     arrays = {"of": np.array(of), "tried": np.array(settled.tried), "rows": settled.rows.numpy()}
     arrays |= {"format": np.array(SETTLED_FORMAT), "vertices": settled.vertices.numpy()}
     save_arrays(path, arrays, compressed=False)
 
 
-def _load(path: Path, of: str) -> Settled:
+def _load(path: Path, of: str) -> SettledOutfit:
     """Settled poses from a file. Raises InputError if it is of another outfit."""
     data = check_fields(path, load_arrays(path, SETTLED_FORMAT, "a settled outfit of this version"), FIELDS)
     if str(data["of"]) != of:
         raise InputError(f"{path}: is of another outfit, fabric or poses; name another folder")
     vertices = torch.from_numpy(data["vertices"]).float()
-    return Settled(torch.from_numpy(data["rows"]), vertices, int(data["tried"]))
+    return SettledOutfit(torch.from_numpy(data["rows"]), vertices, int(data["tried"]))
 
 
 def _fingerprint(outfit: Outfit, transforms: Tensor) -> str:

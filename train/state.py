@@ -46,7 +46,7 @@ class Progressed:
 
 
 @dataclass(frozen=True)
-class State:
+class TrainingState:
     """All of a run that its steps change.
 
     networks, optimizers: AdamW's, by the same names. average: the running mean of the weights, None where
@@ -70,7 +70,7 @@ class State:
         return tensors
 
 
-def save_state(state: State, run: Path) -> None:
+def save_state(state: TrainingState, run: Path) -> None:
     """Write the state into the run's folder, whole or not at all."""
     tensors = state.tensors()
     for name, optimizer in state.optimizers.items():
@@ -81,7 +81,7 @@ def save_state(state: State, run: Path) -> None:
     save_tensors(tensors, {"done": done, "settings": state.settings}, run / STATE)
 
 
-def load_state(state: State, run: Path) -> dict[str, Tensor]:
+def load_state(state: TrainingState, run: Path) -> dict[str, Tensor]:
     """Read the run's state into networks, optimizers and progress; returns the objective's memory.
 
     Raises InputError naming the folder if it is of other settings or another network, and the file if what it

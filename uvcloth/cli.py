@@ -19,11 +19,11 @@ from uvcloth.commands.export import Export
 from uvcloth.commands.fit import Fit
 from uvcloth.commands.log import printed_log
 from uvcloth.commands.maps import Maps
-from uvcloth.commands.motion import Motion
+from uvcloth.commands.motion import DescribeMotion
 from uvcloth.commands.outfits import Outfits
 from uvcloth.commands.page import Page
 from uvcloth.commands.play import Play
-from uvcloth.commands.poses import Poses
+from uvcloth.commands.poses import DrawPoses
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.serve import Serve
 from uvcloth.commands.simulate import Simulate
@@ -54,7 +54,7 @@ uvcloth --version"""
 
 COMMANDS: dict[str, Callable[..., Command]] = {
     "view": View,
-    "motion": Motion,
+    "motion": DescribeMotion,
     "fit": Fit,
     "rollout": Rollout,
     "bake": Bake,
@@ -65,7 +65,7 @@ COMMANDS: dict[str, Callable[..., Command]] = {
     "simulate": Simulate,
     "data": Data,
     "maps": Maps,
-    "poses": Poses,
+    "poses": DrawPoses,
     "outfits": Outfits,
     "export": Export,
     "serve": Serve,

@@ -59,7 +59,7 @@ def chamfer(points: Points, others: Points, norm: int) -> float:
     return float(KDTree(others).query(points, p=norm)[0].mean())
 
 
-class Prepared(NamedTuple):
+class PreparedCapture(NamedTuple):
     """A capture that is ready to be simulated.
 
     camera: (4, 4) from the camera into the world. clouds: point clouds in its window, with the simulated time
@@ -71,10 +71,10 @@ class Prepared(NamedTuple):
     clouds: dict[Path, float]
 
 
-def prepare(run: Mapping[str, Any]) -> Prepared:
+def prepare(run: Mapping[str, Any]) -> PreparedCapture:
     """Read a capture. Raises InputError naming a file that is missing or wrong."""
     env = UvclothEnv(run)
-    return Prepared(env, read_camera(run["calibration"]["path"]), clouds_to_measure(run, env))
+    return PreparedCapture(env, read_camera(run["calibration"]["path"]), clouds_to_measure(run, env))
 
 
 def clouds_to_measure(run: Mapping[str, Any], env: UvclothEnv) -> dict[Path, float]:

@@ -20,10 +20,10 @@ constexpr float ALERT_SPEED = 0.5f;
 // Metres that a vertex moves past the body before its closest point is found again.
 constexpr float SLIDE = 1e-3f;
 
-Vec normal_of(const Collider &collider, const Passage &passage, const Normals &normals, int vertex) {
+Vec normal_of(const Collider &collider, const BodySweep &sweep, const Normals &normals, int vertex) {
     if (!normals.known.at(vertex)) {
         normals.known.at(vertex) = 1;
-        normals.normals.at(vertex) = unit(vertex_normal(collider.surface, passage.end, vertex));
+        normals.normals.at(vertex) = unit(vertex_normal(collider.surface, sweep.end, vertex));
     }
     return normals.normals.at(vertex);
 }
@@ -33,43 +33,43 @@ struct Corners {
     Vec a, b, c;
 };
 
-UVC_INLINE Corners moving(const Surface &surface, const Passage &passage, float share, int face) {
+UVC_INLINE Corners moving(const Surface &surface, const BodySweep &sweep, float share, int face) {
     Face f = surface.faces.at(face);
-    return {between(passage.start[f.a], passage.end[f.a], share),
-            between(passage.start[f.b], passage.end[f.b], share),
-            between(passage.start[f.c], passage.end[f.c], share)};
+    return {between(sweep.start[f.a], sweep.end[f.a], share),
+            between(sweep.start[f.b], sweep.end[f.b], share),
+            between(sweep.start[f.c], sweep.end[f.c], share)};
 }
 
-UVC_INLINE Closest on_moving(const Surface &surface, const Passage &passage, float share, int face,
+UVC_INLINE Closest on_moving(const Surface &surface, const BodySweep &sweep, float share, int face,
                              Vec point) {
-    Corners c = moving(surface, passage, share, face);
+    Corners c = moving(surface, sweep, share, face);
     Vec weights = closest_barycentrics(point, c.a, c.b, c.c);
     return {face, weights, point - weighted(weights, c.a, c.b, c.c)};
 }
 
 // Finds the closest point of the body, from face to neighbouring face, and the plane there.
-void find_plane(Contact &contact, const Collider &collider, const Passage &passage, const Normals &normals,
+void find_plane(Contact &contact, const Collider &collider, const BodySweep &sweep, const Normals &normals,
                 float share, Vec point) {
     const Surface &surface = collider.surface;
     Closest closest = walk_over(
         surface, contact.face, STEPS,
-        [&](int face) { return on_moving(surface, passage, share, face, point); });
+        [&](int face) { return on_moving(surface, sweep, share, face, point); });
     contact.face = closest.face;
     Face f = surface.faces.at(closest.face);
     Vec w = closest.weights;
-    Vec outwards = weighted(w, normal_of(collider, passage, normals, f.a),
-                            normal_of(collider, passage, normals, f.b),
-                            normal_of(collider, passage, normals, f.c));
+    Vec outwards = weighted(w, normal_of(collider, sweep, normals, f.a),
+                            normal_of(collider, sweep, normals, f.b),
+                            normal_of(collider, sweep, normals, f.c));
     float side = dot(closest.away, outwards) >= 0 ? 1.0f : -1.0f, distance = length(closest.away);
-    contact.point = weighted(w, passage.start[f.a], passage.start[f.b], passage.start[f.c]);
-    contact.way = weighted(w, passage.end[f.a], passage.end[f.b], passage.end[f.c]) - contact.point;
+    contact.point = weighted(w, sweep.start[f.a], sweep.start[f.b], sweep.start[f.c]);
+    contact.way = weighted(w, sweep.end[f.a], sweep.end[f.b], sweep.end[f.c]) - contact.point;
     contact.normal = distance > ON_SURFACE ? (side / distance) * closest.away : unit(outwards);
     contact.slide = SLIDE;
 }
 
 }  // namespace
 
-void resolve_contacts(Array<Contact> contacts, const Collider &collider, const Passage &passage,
+void resolve_contacts(Array<Contact> contacts, const Collider &collider, const BodySweep &sweep,
                       const Normals &normals, float share, Vec *positions, Vec *velocities,
                       const Particles &particles, float radius, float step, float seconds) {
     float rate = 1 / seconds;
@@ -80,7 +80,7 @@ void resolve_contacts(Array<Contact> contacts, const Collider &collider, const P
         }
         int vertex = contact.vertex;
         Vec point = positions[vertex];
-        if (contact.slide <= 0) find_plane(contact, collider, passage, normals, share, point);
+        if (contact.slide <= 0) find_plane(contact, collider, sweep, normals, share, point);
         Vec away = point - (contact.point + share * contact.way), surface = rate * contact.way;
         float gap = dot(away, contact.normal) - radius - particles.thickness.at(vertex);
         Vec slip = velocities[vertex] - surface;

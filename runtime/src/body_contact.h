@@ -27,7 +27,7 @@ struct Particles {
 
 // Moves vertices out of the body to a distance of radius + thickness, m, without a bounce, with friction. The
 // body is at a share of its way through the frame of `seconds`. step: s.
-void resolve_contacts(Array<Contact> contacts, const Collider &collider, const Passage &passage,
+void resolve_contacts(Array<Contact> contacts, const Collider &collider, const BodySweep &sweep,
                       const Normals &normals, float share, Vec *positions, Vec *velocities,
                       const Particles &particles, float radius, float step, float seconds);
 

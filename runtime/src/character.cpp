@@ -102,11 +102,11 @@ Array<Vec> around(Array<Vec> points, Vec64 origin, Arena &arena) {
 struct Next {
     Vec64 origin, drift;
     Array<Vec> positions, velocities, targets, body;
-    Searched searched;
+    ContactCache searched;
 };
 
 // A vector of the world in the frame of a place, less another one there.
-void put_in_place(const Place &place, Vec64 world, Vec64 less, float *numbers) {
+void put_in_place(const GroundFrame &place, Vec64 world, Vec64 less, float *numbers) {
     Vec64 vector = brought_in({place.cosine, place.sine, {}}, world) - less;
     numbers[0] = (float)vector.x;
     numbers[1] = (float)vector.y;
@@ -252,7 +252,7 @@ bool are_places(const Rigid *joints, int count, Failure &failure) {
 }
 
 // Puts all that a character remembers elsewhere in the world; what pulls it stays where it is there.
-void change_place(Character &character, const Place &place) {
+void change_place(Character &character, const GroundFrame &place) {
     bring_back(character.place, character.guide.data, character.guide.size);
     character.place = place;
     for (Vec64 &point : character.guide) point = brought_in(place, point);
@@ -314,8 +314,8 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
     Arena &work = character.scratch;
     Scope scope(work);
     Array<Rigid> transforms = work.copy(joints, count), way = work.take<Rigid>(count);
-    Place before = character.place;
-    change_place(character, place_of(joints[0], skeleton.heads[0]));
+    GroundFrame before = character.place;
+    change_place(character, ground_frame(joints[0], skeleton.heads[0]));
     bring_in(character.place, transforms.data, count);
     character.root = transforms[0];
     character.spin = 0;
@@ -379,7 +379,7 @@ bool step(Character &character, const Rigid *joints, float seconds, Failure &fai
     Scope scope(work);
     Array<Rigid> transforms = work.copy(joints, count);
     bring_in(character.place, transforms.data, count);
-    Place place = character.place;
+    GroundFrame place = character.place;
     Array<Vec64> guide = work.copy(character.guide);
     bool is_jump = is_finite(seconds) && jumps(character, transforms[0], seconds);
     if (is_jump) {

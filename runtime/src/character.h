@@ -33,7 +33,7 @@ struct Fabric {
 struct Character {
     const Outfit &outfit;
     bool is_started;
-    Place place;
+    GroundFrame place;
     Rigid root;
     double spin;
     int steps, solved;
@@ -44,7 +44,7 @@ struct Character {
     float needed;
     Array<Vec64> guide;
     Array<Vec> positions, velocities, targets, body, shown, wrinkled;
-    Searched searched;
+    ContactCache searched;
     SelfContact contact;
     ClearingMemory memory;
     WrinkleMemory folds;

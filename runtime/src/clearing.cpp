@@ -36,9 +36,9 @@ float signed_by_normals(const Surface &surface, const Vec *body, const Vec *norm
 
 // Raises the heights of vertices over convex skin, which comes through the edges between them: an arc between
 // two points rises over their chord by about an eighth of its length times the angle between its normals.
-void raise_over_curves(const Clearing &clearing, Array<Near> near, const Vec *cloth, const Vec *outwards,
-                       float *heights) {
-    for (Near each : near) {
+void raise_over_curves(const Clearing &clearing, Array<ContactCandidate> near, const Vec *cloth,
+                       const Vec *outwards, float *heights) {
+    for (ContactCandidate each : near) {
         Vec normal = outwards[each.vertex];
         if (dot(normal, normal) == 0) continue;
         int first = clearing.rings.starts.at(each.vertex), last = clearing.rings.starts.at(each.vertex + 1);
@@ -135,14 +135,14 @@ void clear_skin(const Clearing &clearing, const ClearingMemory &memory, Vec *clo
         heights[k] = clearance + clearing.thickness[k];
         near[k] = heights[k] + WATCHED;
     }
-    Array<Near> found = work.take<Near>(clearing.collider.parts * vertices);
-    Passage passage = begin_passage(clearing.collider, memory.body, body, memory.cloth, memory.searched,
+    Array<ContactCandidate> found = work.take<ContactCandidate>(clearing.collider.parts * vertices);
+    BodySweep sweep = begin_sweep(clearing.collider, memory.body, body, memory.cloth, memory.searched,
                                     *memory.frame, RENEWAL, work);
-    Watch watch{nullptr, near.data, 0, 1, reach, reach};
-    found.size = find_near(clearing.collider, passage, 1, cloth, watch, found, work);
+    ProximityQuery watch{nullptr, near.data, 0, 1, reach, reach};
+    found.size = find_near(clearing.collider, sweep, 1, cloth, watch, found, work);
     Array<Vec> normals = work.take<Vec>(surface.vertices);
     Array<int32_t> is_known = work.take<int32_t>(surface.vertices);
-    for (Near each : found)
+    for (ContactCandidate each : found)
         for (int corner = 0; corner < 3; corner++) {
             int vertex = surface.faces[each.face][corner];
             if (is_known[vertex]) continue;
@@ -152,7 +152,7 @@ void clear_skin(const Clearing &clearing, const ClearingMemory &memory, Vec *clo
     Array<Vec> moves = work.take<Vec>(vertices), outwards = work.take<Vec>(vertices);
     for (int pass = 0; pass < PASSES; pass++) {
         for (Vec &move : moves) move = {};
-        for (Near each : found) {
+        for (ContactCandidate each : found) {
             Vec normal;
             float distance =
                 signed_by_normals(surface, body, normals.data, each.face, cloth[each.vertex], normal);
@@ -166,7 +166,7 @@ void clear_skin(const Clearing &clearing, const ClearingMemory &memory, Vec *clo
         follow(clearing.rings, cloth, moves.data);
         raise_over_curves(clearing, found, cloth, outwards.data, heights.data);
     }
-    end_passage(clearing.collider, passage, cloth);
+    end_sweep(clearing.collider, sweep, cloth);
     memcpy(memory.cloth, cloth, sizeof(Vec) * (size_t)vertices);
     memcpy(memory.body, body, sizeof(Vec) * (size_t)surface.vertices);
     ++*memory.frame;

@@ -34,7 +34,7 @@ struct Clearing {
 // were.
 struct ClearingMemory {
     Vec *cloth, *body;
-    Searched searched;
+    ContactCache searched;
     int32_t *frame;
 };
 

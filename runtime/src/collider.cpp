@@ -88,13 +88,13 @@ UVC_INLINE Lanes approach(const RigidMotion &part, LaneVec before, LaneVec now) 
 }
 
 // Distance of a point from a face, negative inside, and the speed, m/s, at which it moves past it.
-UVC_INLINE float past(const Surface &surface, const Passage &passage, const Closest &closest, Vec velocity,
+UVC_INLINE float past(const Surface &surface, const BodySweep &sweep, const Closest &closest, Vec velocity,
                       float rate, float &slip) {
     Face f = surface.faces.at(closest.face);
-    Vec began = weighted(closest.weights, passage.start[f.a], passage.start[f.b], passage.start[f.c]);
-    Vec ends = weighted(closest.weights, passage.end[f.a], passage.end[f.b], passage.end[f.c]);
+    Vec began = weighted(closest.weights, sweep.start[f.a], sweep.start[f.b], sweep.start[f.c]);
+    Vec ends = weighted(closest.weights, sweep.end[f.a], sweep.end[f.b], sweep.end[f.c]);
     slip = length(velocity - rate * (ends - began));
-    bool outside = dot(closest.away, face_normal(surface, passage.points.data, closest.face)) > 0;
+    bool outside = dot(closest.away, face_normal(surface, sweep.points.data, closest.face)) > 0;
     float distance = length(closest.away);
     return outside ? distance : -distance;
 }
@@ -102,40 +102,40 @@ UVC_INLINE float past(const Surface &surface, const Passage &passage, const Clos
 // A search for the faces that cloth is near.
 struct Search {
     const Collider &collider;
-    Passage &passage;
-    const Watch &watch;
+    BodySweep &sweep;
+    const ProximityQuery &watch;
     const Vec *cloth;
-    Array<Near> found;
+    Array<ContactCandidate> found;
     bool is_first;
     int count;
 
     // Follows a vertex over a part from the face that is known, or looks at all faces; keeps what it is near.
     void look(int part, int vertex) {
-        const Vec *points = passage.points.data;
+        const Vec *points = sweep.points.data;
         int row = part * collider.touches.size + vertex;
         Vec point = cloth[vertex], velocity = watch.velocities ? watch.velocities[vertex] : Vec{};
         float rate = 1 / watch.seconds, distance = 0, slip = 0;
-        int known = is_first ? passage.before.faces[row] : -1, guess = passage.hints.at(row);
-        if (is_first && (vertex + passage.turn) % passage.renewal > 0) guess = known;
+        int known = is_first ? sweep.before.faces[row] : -1, guess = sweep.hints.at(row);
+        if (is_first && (vertex + sweep.turn) % sweep.renewal > 0) guess = known;
         Closest closest{-1, {}, {}};
         bool is_followed = false;
         if (guess >= 0) {
             closest = walk(collider.surface, points, guess, point, FOLLOWED);
-            distance = past(collider.surface, passage, closest, velocity, rate, slip);
-            bool is_recent = !is_first && passage.share - passage.at.at(row) < LONGEST * rate;
+            distance = past(collider.surface, sweep, closest, velocity, rate, slip);
+            bool is_recent = !is_first && sweep.share - sweep.at.at(row) < LONGEST * rate;
             float limit = is_recent ? watch.reach : least(watch.reach, distance > 0 ? watch.followed : CLOSE);
             is_followed = dot(closest.away, closest.away) < limit * limit;
         }
-        passage.before.clear[row] = 0;
+        sweep.before.clear[row] = 0;
         if (!is_followed) {
             float beyond = 0;
             int best = closest.face >= 0 ? closest.face : known;
-            closest = closest_of_part(collider, passage.parts, part, point, watch.reach, best, beyond);
-            passage.at.at(row) = passage.share;
-            if (closest.face >= 0) distance = past(collider.surface, passage, closest, velocity, rate, slip);
-            passage.before.clear[row] = closest.face >= 0 ? most(distance, 0.0f) : root(beyond);
+            closest = closest_of_part(collider, sweep.parts, part, point, watch.reach, best, beyond);
+            sweep.at.at(row) = sweep.share;
+            if (closest.face >= 0) distance = past(collider.surface, sweep, closest, velocity, rate, slip);
+            sweep.before.clear[row] = closest.face >= 0 ? most(distance, 0.0f) : root(beyond);
         }
-        passage.hints.at(row) = closest.face;
+        sweep.hints.at(row) = closest.face;
         float touching = watch.near[vertex] + watch.interval * watch.seconds * (SPARE * slip + ALERT_SPEED);
         if (closest.face >= 0 && distance <= touching) found.at(count++) = {vertex, closest.face};
     }
@@ -183,78 +183,78 @@ Collider read_collider(const Sections &sections, const char *touches, const char
     return collider;
 }
 
-Passage begin_passage(const Collider &collider, const Vec *start, const Vec *end, const Vec *cloth,
-                      Searched before, int turn, int renewal, Arena &work) {
+BodySweep begin_sweep(const Collider &collider, const Vec *start, const Vec *end, const Vec *cloth,
+                      ContactCache before, int turn, int renewal, Arena &work) {
     int rows = collider.parts * collider.touches.size;
-    Passage passage{};
-    passage.start = start;
-    passage.end = end;
-    passage.points = work.copy(start, collider.surface.vertices);
-    passage.points_before = work.room<Vec>(collider.surface.vertices);
-    passage.cloth = work.room<LaneVec>(collider.blocks());
-    passage.cloth_before = work.room<LaneVec>(collider.blocks());
-    put_in_lanes(cloth, collider.touches.size, passage.cloth);
-    passage.parts = make_fitted_parts(collider, work);
-    passage.hints = work.room<int32_t>(rows);
-    for (int32_t &hint : passage.hints) hint = -1;
-    passage.before = before;
-    passage.at = work.take<float>(rows);
-    passage.turn = turn;
-    passage.renewal = renewal;
-    return passage;
+    BodySweep sweep{};
+    sweep.start = start;
+    sweep.end = end;
+    sweep.points = work.copy(start, collider.surface.vertices);
+    sweep.points_before = work.room<Vec>(collider.surface.vertices);
+    sweep.cloth = work.room<LaneVec>(collider.blocks());
+    sweep.cloth_before = work.room<LaneVec>(collider.blocks());
+    put_in_lanes(cloth, collider.touches.size, sweep.cloth);
+    sweep.parts = make_fitted_parts(collider, work);
+    sweep.hints = work.room<int32_t>(rows);
+    for (int32_t &hint : sweep.hints) hint = -1;
+    sweep.before = before;
+    sweep.at = work.take<float>(rows);
+    sweep.turn = turn;
+    sweep.renewal = renewal;
+    return sweep;
 }
 
-void end_passage(const Collider &collider, Passage &passage, const Vec *cloth) {
+void end_sweep(const Collider &collider, BodySweep &sweep, const Vec *cloth) {
     int vertices = collider.touches.size;
-    swap(passage.cloth, passage.cloth_before);
-    put_in_lanes(cloth, vertices, passage.cloth);
+    swap(sweep.cloth, sweep.cloth_before);
+    put_in_lanes(cloth, vertices, sweep.cloth);
     for (int part = 0; part < collider.parts; part++) {
         RigidMotion left =
-            part_motion(collider, part, passage.points.data, passage.share < 1 ? passage.end : nullptr);
-        float *clear = passage.before.clear + part * vertices;
+            part_motion(collider, part, sweep.points.data, sweep.share < 1 ? sweep.end : nullptr);
+        float *clear = sweep.before.clear + part * vertices;
         for (int block = 0; block < collider.blocks(); block++) {
             unsigned touching = collider.touching.at(part * collider.blocks() + block);
             if (!touching) continue;
-            Lanes closer = approach(left, passage.cloth_before.at(block), passage.cloth.at(block));
+            Lanes closer = approach(left, sweep.cloth_before.at(block), sweep.cloth.at(block));
             while (touching) {
                 int lane = take(touching);
                 clear[LANES * block + lane] -= closer[lane];
             }
         }
     }
-    memcpy(passage.before.faces, passage.hints.data, sizeof(int32_t) * (size_t)passage.hints.size);
+    memcpy(sweep.before.faces, sweep.hints.data, sizeof(int32_t) * (size_t)sweep.hints.size);
 }
 
-int find_near(const Collider &collider, Passage &passage, float share, const Vec *cloth, const Watch &watch,
-              Array<Near> found, Arena &work) {
+int find_near(const Collider &collider, BodySweep &sweep, float share, const Vec *cloth,
+              const ProximityQuery &watch, Array<ContactCandidate> found, Arena &work) {
     Scope scope(work);
     int vertices = collider.touches.size;
-    Search search{collider, passage, watch, cloth, found, passage.searches++ == 0, 0};
-    swap(passage.points, passage.points_before);
-    passage.share = share;
-    for (int k = 0; k < passage.points.size; k++)
-        passage.points.at(k) = between(passage.start[k], passage.end[k], share);
-    const Vec *points = passage.points.data;
-    move_to(passage.parts, points);
-    swap(passage.cloth, passage.cloth_before);
-    put_in_lanes(cloth, vertices, passage.cloth);
-    Array<LaneVec> ends = passage.cloth;
+    Search search{collider, sweep, watch, cloth, found, sweep.searches++ == 0, 0};
+    swap(sweep.points, sweep.points_before);
+    sweep.share = share;
+    for (int k = 0; k < sweep.points.size; k++)
+        sweep.points.at(k) = between(sweep.start[k], sweep.end[k], share);
+    const Vec *points = sweep.points.data;
+    move_to(sweep.parts, points);
+    swap(sweep.cloth, sweep.cloth_before);
+    put_in_lanes(cloth, vertices, sweep.cloth);
+    Array<LaneVec> ends = sweep.cloth;
     if (watch.velocities) {
         ends = work.room<LaneVec>(collider.blocks());
         put_in_lanes(watch.velocities, vertices, ends);
         for (int block = 0; block < ends.size; block++)
-            ends.at(block) = passage.cloth.at(block) + (Lanes{} + watch.seconds) * ends.at(block);
+            ends.at(block) = sweep.cloth.at(block) + (Lanes{} + watch.seconds) * ends.at(block);
     }
     for (int part = 0; part < collider.parts; part++) {
-        RigidMotion since = part_motion(collider, part, passage.points_before.data, points);
+        RigidMotion since = part_motion(collider, part, sweep.points_before.data, points);
         RigidMotion way =
-            part_motion(collider, part, passage.start, watch.interval > 0 ? passage.end : nullptr);
-        float *clear = passage.before.clear + part * vertices;
+            part_motion(collider, part, sweep.start, watch.interval > 0 ? sweep.end : nullptr);
+        float *clear = sweep.before.clear + part * vertices;
         for (int block = 0; block < collider.blocks(); block++) {
             unsigned touching = collider.touching.at(part * collider.blocks() + block);
             if (!touching) continue;
-            Lanes closer = approach(since, passage.cloth_before.at(block), passage.cloth.at(block));
-            Lanes fastest = SPARE * approach(way, passage.cloth.at(block), ends.at(block)) +
+            Lanes closer = approach(since, sweep.cloth_before.at(block), sweep.cloth.at(block));
+            Lanes fastest = SPARE * approach(way, sweep.cloth.at(block), ends.at(block)) +
                             watch.seconds * ALERT_SPEED;
             while (touching) {
                 int lane = take(touching), k = LANES * block + lane;
@@ -267,7 +267,7 @@ int find_near(const Collider &collider, Passage &passage, float share, const Vec
     return search.count;
 }
 
-bool find_caught(const Collider &collider, const Vec *body, const Vec *cloth, FittedParts &parts,
+bool find_penetrated(const Collider &collider, const Vec *body, const Vec *cloth, FittedParts &parts,
                  int32_t *caught) {
     bool any = false;
     move_to(parts, body);

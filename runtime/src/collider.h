@@ -28,7 +28,7 @@ Collider read_collider(const Sections &sections, const char *touches, const char
 
 // Search results of a frame that the next one starts from. faces: (K N), the closest face of each part, -1
 // for none. clear: (K N) m, a distance within which there is none.
-struct Searched {
+struct ContactCache {
     int32_t *faces;
     float *clear;
 };
@@ -47,24 +47,24 @@ struct FittedParts {
 // search of all faces. cloth: (N / 8) m at the last search, at a share of the way; searches: their number so
 // far. turn: number of the frame. renewal: frames from one search of all faces for a vertex to the next; in
 // between it is followed over neighbouring ones.
-struct Passage {
+struct BodySweep {
     const Vec *start, *end;
     Array<Vec> points, points_before;
     Array<LaneVec> cloth, cloth_before;
     FittedParts parts;
     Array<int32_t> hints;
-    Searched before;
+    ContactCache before;
     Array<float> at;
     float share;
     int searches, turn, renewal;
 };
 
 // Begins a frame of the body, and of cloth (N) m that has not moved yet.
-Passage begin_passage(const Collider &collider, const Vec *start, const Vec *end, const Vec *cloth,
-                      Searched before, int turn, int renewal, Arena &work);
+BodySweep begin_sweep(const Collider &collider, const Vec *start, const Vec *end, const Vec *cloth,
+                      ContactCache before, int turn, int renewal, Arena &work);
 
 // Stores what the next frame needs in `before`, with cloth (N) m at the end of the frame.
-void end_passage(const Collider &collider, Passage &passage, const Vec *cloth);
+void end_sweep(const Collider &collider, BodySweep &sweep, const Vec *cloth);
 
 // Motion and distances by which a search decides what may touch until the next one.
 //
@@ -72,25 +72,25 @@ void end_passage(const Collider &collider, Passage &passage, const Vec *cloth);
 // touches. interval: share of the frame until the next search. seconds: of the frame. reach: m, how far outside
 // and how deep in the body a face is found. followed: m outside the body up to which a vertex that had a face
 // is followed over neighbouring faces, longer than LONGEST after a search of all of them.
-struct Watch {
+struct ProximityQuery {
     const Vec *velocities;
     const float *near;
     float interval, seconds, reach, followed;
 };
 
 // A vertex near a part, and the closest face there.
-struct Near {
+struct ContactCandidate {
     int32_t vertex, face;
 };
 
 // Finds the closest face of every part that a vertex touches, or may touch until the next search, with the
 // body at a share of its way. Returns how many were put into found (K N), by part.
-int find_near(const Collider &collider, Passage &passage, float share, const Vec *cloth, const Watch &watch,
-              Array<Near> found, Arena &work);
+int find_near(const Collider &collider, BodySweep &sweep, float share, const Vec *cloth,
+              const ProximityQuery &watch, Array<ContactCandidate> found, Arena &work);
 
 // Finds the parts of a body (C) m that cloth (N) m is inside of, of those that it may cross: a bit for each
 // in caught (N). Returns whether there is any.
-bool find_caught(const Collider &collider, const Vec *body, const Vec *cloth, FittedParts &parts,
+bool find_penetrated(const Collider &collider, const Vec *body, const Vec *cloth, FittedParts &parts,
                  int32_t *caught);
 
 }  // namespace uvc

@@ -34,7 +34,7 @@ float allowed(const Opening &opening, int side, int vertex) {
 
 // Finds the points of a tile that are too near their wall. Returns the number of all so far.
 int find_pushed(const Opening &opening, OpeningWork &work, int side, int tile, int amount) {
-    Array<Facing> facing = find_facing(opening.sides, work.walls, side, tile);
+    Array<OpposingTiles> facing = find_facing(opening.sides, work.walls, side, tile);
     for (int row = LANES * tile; facing.size && row < LANES * (tile + 1); row++) {
         int vertex = opening.sides.vertices[row];
         if (vertex < 0) break;
@@ -49,7 +49,7 @@ int find_pushed(const Opening &opening, OpeningWork &work, int side, int tile, i
 }
 
 // Finds all points that are too near their wall, with their first pushes: half of what is missing.
-Array<Pushed> find_pushed(const Opening &opening, OpeningWork &work) {
+Array<Push> find_pushed(const Opening &opening, OpeningWork &work) {
     const Sides &sides = opening.sides;
     int amount = 0;
     for (int side = 0; side < sides.sides; side++)
@@ -61,10 +61,10 @@ Array<Pushed> find_pushed(const Opening &opening, OpeningWork &work) {
 }
 
 // Corrects pushes by half of what is missing where the points are now.
-void correct(const Opening &opening, OpeningWork &work, Array<Pushed> pushed) {
-    Array<Facing> facing;
+void correct(const Opening &opening, OpeningWork &work, Array<Push> pushed) {
+    Array<OpposingTiles> facing;
     int tile = -1;
-    for (Pushed &point : pushed) {
+    for (Push &point : pushed) {
         if (point.row / LANES != tile) {
             tile = point.row / LANES;
             facing = find_facing(opening.sides, work.walls, point.side, tile);
@@ -78,7 +78,7 @@ void correct(const Opening &opening, OpeningWork &work, Array<Pushed> pushed) {
 }
 
 // Adds the push of a point to the vertices around it, reduced by the slope along the skin.
-int spread(const Opening &opening, OpeningWork &work, const Pushed &point, int amount) {
+int spread(const Opening &opening, OpeningWork &work, const Push &point, int amount) {
     float size = length(point.way);
     if (size <= 0) return amount;
     Vec way = (1.0f / size) * point.way;
@@ -92,7 +92,7 @@ int spread(const Opening &opening, OpeningWork &work, const Pushed &point, int a
             work.is_active[other] = 1;
             work.active[amount++] = other;
         }
-        Meeting &meeting = work.meetings[other];
+        VertexPush &meeting = work.meetings[other];
         meeting.longest = most(meeting.longest, left);
         meeting.total += left;
         meeting.way += left * way;
@@ -103,7 +103,7 @@ int spread(const Opening &opening, OpeningWork &work, const Pushed &point, int a
 // Moves vertices of a side by the longest push that meets there, in the mean direction of all.
 void settle(const Opening &opening, OpeningWork &work, int side, int amount) {
     for (int vertex : work.active.part(0, amount)) {
-        Meeting &meeting = work.meetings[vertex];
+        VertexPush &meeting = work.meetings[vertex];
         if (meeting.total <= 0) continue;
         float longest = least(meeting.longest, allowed(opening, side, vertex));
         work.shift[vertex] += (longest / meeting.total) * meeting.way;
@@ -112,7 +112,7 @@ void settle(const Opening &opening, OpeningWork &work, int side, int amount) {
 }
 
 // Makes the shifts of all vertices from the pushes. Returns the number of active vertices.
-int shift(const Opening &opening, OpeningWork &work, Array<Pushed> pushed, int amount) {
+int shift(const Opening &opening, OpeningWork &work, Array<Push> pushed, int amount) {
     for (int vertex : work.active.part(0, amount)) work.shift[vertex] = {};
     for (int k = 0; k < pushed.size; k++) {
         amount = spread(opening, work, pushed[k], amount);
@@ -197,14 +197,14 @@ void read_opening(const Sections &sections, int vertices, Opening &opening, Aren
 
 OpeningWork make_opening_work(const Opening &opening, Arena &arena) {
     int vertices = opening.vertices;
-    return {make_walls(opening.sides, arena),  arena.take<Pushed>(opening.sides.points.size),
-            arena.take<Meeting>(vertices),     arena.take<Vec>(vertices),
+    return {make_walls(opening.sides, arena),  arena.take<Push>(opening.sides.points.size),
+            arena.take<VertexPush>(vertices),     arena.take<Vec>(vertices),
             arena.take<int32_t>(vertices),     arena.take<uint8_t>(vertices)};
 }
 
 void open_frame(const Opening &opening, OpeningWork &work, Vec *corners) {
     raise_walls(opening.sides, corners, work.walls);
-    Array<Pushed> pushed = find_pushed(opening, work);
+    Array<Push> pushed = find_pushed(opening, work);
     if (!pushed.size) return;
     int amount = shift(opening, work, pushed, 0);
     for (int round = 1; round < ROUNDS; round++) {

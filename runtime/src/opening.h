@@ -30,14 +30,14 @@ void read_opening(const Sections &sections, int vertices, Opening &opening, Aren
 
 // A point that is pushed, by `push` m, at most by `limit` m. way: unit, off its wall, or none if nothing
 // measures the point.
-struct Pushed {
+struct Push {
     int32_t row, side;
     float push, limit;
     Vec way;
 };
 
 // Pushes of one side that meet at a vertex: the longest, m, their sum, m, and their sum as vectors, m.
-struct Meeting {
+struct VertexPush {
     float longest, total;
     Vec way;
 };
@@ -46,8 +46,8 @@ struct Meeting {
 // shift: (C) m.
 struct OpeningWork {
     Walls walls;
-    Array<Pushed> pushed;
-    Array<Meeting> meetings;
+    Array<Push> pushed;
+    Array<VertexPush> meetings;
     Array<Vec> shift;
     Array<int32_t> active;
     Array<uint8_t> is_active;

@@ -135,7 +135,7 @@ void way_to(const Skeleton &skeleton, const Pose &pose, double share, Rigid *tra
     }
 }
 
-Place place_of(const Rigid &root, Vec64 head) {
+GroundFrame ground_frame(const Rigid &root, Vec64 head) {
     Turn facing = heading(root.turn);
     return {facing.at[0][0], facing.at[1][0], taken(root, head)};
 }
@@ -149,25 +149,25 @@ double heading_between(const Rigid &before, const Rigid &now) {
     return heading_angle(now.turn * transposed(before.turn));
 }
 
-Place after_jump(const Place &place, const Rigid &before, const Rigid &now, Vec64 head, Vec64 way,
+GroundFrame after_jump(const GroundFrame &place, const Rigid &before, const Rigid &now, Vec64 head, Vec64 way,
                  double angle) {
     Turn turn = about_vertical(heading_between(before, now) - angle);
     Vec64 origin = taken(now, head) - turn * (taken(before, head) + way);
     bring_back(place, &origin, 1);
     double c = turn.at[0][0], s = turn.at[1][0];
-    Place next{place.cosine * c - place.sine * s, place.sine * c + place.cosine * s, origin};
+    GroundFrame next{place.cosine * c - place.sine * s, place.sine * c + place.cosine * s, origin};
     double size = __builtin_sqrt(next.cosine * next.cosine + next.sine * next.sine);
     next.cosine /= size;
     next.sine /= size;
     return next;
 }
 
-Vec64 brought_in(const Place &place, Vec64 point) {
+Vec64 brought_in(const GroundFrame &place, Vec64 point) {
     Vec64 p = point - place.origin;
     return {place.cosine * p.x + place.sine * p.y, place.cosine * p.y - place.sine * p.x, p.z};
 }
 
-void bring_in(const Place &place, Rigid *transforms, int joints) {
+void bring_in(const GroundFrame &place, Rigid *transforms, int joints) {
     Turn back{{{place.cosine, place.sine, 0}, {-place.sine, place.cosine, 0}, {0, 0, 1}}};
     for (int joint = 0; joint < joints; joint++) {
         Rigid &transform = transforms[joint];
@@ -180,7 +180,7 @@ void bring_in(const Place &place, Rigid *transforms, int joints) {
     }
 }
 
-void bring_back(const Place &place, Vec64 *points, int count) {
+void bring_back(const GroundFrame &place, Vec64 *points, int count) {
     for (int k = 0; k < count; k++) {
         Vec64 p = points[k];
         points[k] = place.origin + Vec64{place.cosine * p.x - place.sine * p.y,

@@ -47,13 +47,13 @@ void way_to(const Skeleton &skeleton, const Pose &pose, double share, Rigid *tra
 Turn local_turn(const Skeleton &skeleton, const Rigid *transforms, int joint);
 
 // A place on the ground: turned about the vertical by an angle of that cosine and sine, around an origin, m.
-struct Place {
+struct GroundFrame {
     double cosine, sine;
     Vec64 origin;
 };
 
 // The place of a root, whose head is at rest at `head`, m, moved by its transform.
-Place place_of(const Rigid &root, Vec64 head);
+GroundFrame ground_frame(const Rigid &root, Vec64 head);
 
 // Angle, radians, of the turn from one root to another.
 double angle_between(const Rigid &before, const Rigid &now);
@@ -63,16 +63,16 @@ double heading_between(const Rigid &before, const Rigid &now);
 
 // The place in whose frame a root that jumps is where it would have gone: from `before` by `way`, m, turned by
 // an angle about the vertical. before, now: the root in the frame of `place`, its head at rest at `head`, m.
-Place after_jump(const Place &place, const Rigid &before, const Rigid &now, Vec64 head, Vec64 way,
+GroundFrame after_jump(const GroundFrame &place, const Rigid &before, const Rigid &now, Vec64 head, Vec64 way,
                  double angle);
 
 // Brings transforms (J) into the frame of a place, in place, rounded: turned or shifted scenes get the same.
-void bring_in(const Place &place, Rigid *transforms, int joints);
+void bring_in(const GroundFrame &place, Rigid *transforms, int joints);
 
 // Brings a point, m, into the frame of a place.
-Vec64 brought_in(const Place &place, Vec64 point);
+Vec64 brought_in(const GroundFrame &place, Vec64 point);
 
 // Brings points (N) m in the frame of a place back.
-void bring_back(const Place &place, Vec64 *points, int count);
+void bring_back(const GroundFrame &place, Vec64 *points, int count);
 
 }  // namespace uvc

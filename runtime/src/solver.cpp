@@ -122,7 +122,7 @@ int whole(float substeps) { return (int)most(1.0f, least((float)MOST_SUBSTEPS, s
 
 // Moves cloth through a frame at a pace. Returns whether it stays together.
 bool move(const Solver &solver, const Material &material, const uvc_motion &motion, Pace pace, Vec *positions,
-          Vec *velocities, Searched searched, SelfContact &contact, Arena &work) {
+          Vec *velocities, ContactCache searched, SelfContact &contact, Arena &work) {
     Scope scope(work);
     const Collider &collider = solver.collider;
     const Elastic &elastic = material.elastic;
@@ -134,18 +134,18 @@ bool move(const Solver &solver, const Material &material, const uvc_motion &moti
     contact.boxes = work.take<Box>(solver.sheet.tree.nodes.size);
     contact.speeds = work.take<Box>(solver.sheet.tree.nodes.size);
     contact.cones = work.take<Cone>(solver.sheet.tree.nodes.size);
-    Passage passage =
-        begin_passage(collider, vectors(motion.body_start), vectors(motion.body_end), positions, searched,
-                      motion.frame, motion.renewal, work);
+    BodySweep sweep =
+        begin_sweep(collider, vectors(motion.body_start), vectors(motion.body_end), positions, searched,
+                    motion.frame, motion.renewal, work);
     Array<int32_t> caught = work.take<int32_t>(vertices);
     bool any_caught =
-        find_caught(collider, vectors(motion.body_start), positions, passage.parts, caught.data);
+        find_penetrated(collider, vectors(motion.body_start), positions, sweep.parts, caught.data);
     Array<float> watched = work.take<float>(vertices);
     for (int k = 0; k < vertices; k++)
         watched[k] = motion.radius + WATCHED + particles.thickness[k];
-    Watch watch{velocities, watched.data, (float)pace.body_interval / (float)pace.substeps,
-                motion.seconds, motion.reach, CLOSE};
-    Array<Near> found = work.take<Near>(collider.parts * vertices);
+    ProximityQuery watch{velocities, watched.data, (float)pace.body_interval / (float)pace.substeps,
+                         motion.seconds, motion.reach, CLOSE};
+    Array<ContactCandidate> found = work.take<ContactCandidate>(collider.parts * vertices);
     Array<Contact> near = work.take<Contact>(collider.parts * vertices), contacts{near.data, 0};
     Normals normals{work.take<Vec>(collider.surface.vertices), work.take<int32_t>(collider.surface.vertices)};
     Array<int32_t> pulled = work.take<int32_t>(vertices);
@@ -177,14 +177,14 @@ bool move(const Solver &solver, const Material &material, const uvc_motion &moti
         }
         if (collider.surface.faces.size == 0) continue;
         if (substep % pace.body_interval == 0) {
-            contacts.size = find_near(collider, passage, share, positions, watch, found, work);
+            contacts.size = find_near(collider, sweep, share, positions, watch, found, work);
             for (int k = 0; k < contacts.size; k++)
                 contacts[k] = {found[k].vertex, found[k].face, 0, 0, {}, {}, {}};
         }
-        resolve_contacts(contacts, collider, passage, normals, share, positions, velocities,
+        resolve_contacts(contacts, collider, sweep, normals, share, positions, velocities,
                          particles, motion.radius, step, motion.seconds);
     }
-    end_passage(collider, passage, positions);
+    end_sweep(collider, sweep, positions);
     return stays_together(positions, velocities, vertices);
 }
 
@@ -216,7 +216,7 @@ bool can_follow(const Solver &solver, const uvc_motion &motion, Failure &failure
 }
 
 int step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions,
-         Vec *velocities, Searched searched, SelfContact &contact, Arena &work, Failure &failure) {
+         Vec *velocities, ContactCache searched, SelfContact &contact, Arena &work, Failure &failure) {
     Scope scope(work);
     int vertices = material.particles.mass.size, rows = solver.collider.parts * vertices;
     float past = body_speed(solver, motion);

@@ -34,6 +34,6 @@ constexpr int FLIES_APART = 0, REFUSED = -1;
 // Moves cloth of a material through a frame, with as many substeps as it takes; see uvc_solve in uvcloth.h.
 // Returns their number, or one of the outcomes above and a sentence, and leaves everything as it was.
 int step(const Solver &solver, const Material &material, const uvc_motion &motion, Vec *positions,
-         Vec *velocities, Searched searched, SelfContact &contact, Arena &work, Failure &failure);
+         Vec *velocities, ContactCache searched, SelfContact &contact, Arena &work, Failure &failure);
 
 }  // namespace uvc

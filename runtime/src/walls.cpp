@@ -196,7 +196,7 @@ Sides read_sides(const Sections &sections, Array<Face> faces, const Graph &graph
 Walls make_walls(const Sides &sides, Arena &arena) {
     int groups = sides.groups(), tiles = LANES * groups;
     Walls walls{arena.take<Tile>(tiles), arena.take<Bounds>(groups), arena.take<int32_t>(groups),
-                arena.take<Facing>(groups)};
+                arena.take<OpposingTiles>(groups)};
     for (int tile = 0; tile < tiles; tile++)
         for (int k = 0; k < LANES; k++) {
             put(walls.tiles[tile].start, k, {FAR, FAR, FAR});
@@ -220,7 +220,7 @@ void raise_walls(const Sides &sides, const Vec *corners, Walls &walls) {
             if (walls.near[group] >> lane & 1) turn_tile(sides, LANES * group + lane, corners, walls);
 }
 
-Array<Facing> find_facing(const Sides &sides, Walls &walls, int side, int tile) {
+Array<OpposingTiles> find_facing(const Sides &sides, Walls &walls, int side, int tile) {
     const Bounds &own = walls.bounds[tile / LANES];
     Range box = range_of(own, tile % LANES);
     LaneVec axis = repeat(pick(own.axis, tile % LANES));
@@ -233,7 +233,7 @@ Array<Facing> find_facing(const Sides &sides, Walls &walls, int side, int tile) 
         LaneMask faces = cosine - (1.0f + spread) * others < FACING;
         for (unsigned left = bits(within_reach(bounds, box) & faces); left; left &= left - 1) {
             int lane = __builtin_ctz((unsigned)left);
-            Facing &facing = walls.facing[count / LANES];
+            OpposingTiles &facing = walls.facing[count / LANES];
             copy_lane(bounds, lane, facing.bounds, count % LANES);
             facing.tiles[count++ % LANES] = LANES * group + lane;
         }
@@ -243,7 +243,7 @@ Array<Facing> find_facing(const Sides &sides, Walls &walls, int side, int tile) 
     return walls.facing.part(0, blocks);
 }
 
-Measured measure(const Walls &walls, int row, Array<Facing> facing) {
+Measured measure(const Walls &walls, int row, Array<OpposingTiles> facing) {
     constexpr float SQUARE = REACH * REACH;
     const Tile &own = walls.tiles[row / LANES];
     int lane = row % LANES;
@@ -252,7 +252,7 @@ Measured measure(const Walls &walls, int row, Array<Facing> facing) {
             normal = repeat(pick(own.normal, lane));
     LaneVec wall{}, way{};
     Lanes weight{}, above{};
-    for (const Facing &few : facing) {
+    for (const OpposingTiles &few : facing) {
         LaneMask faces = dot(normal, load_columns(few.bounds.axis)) - load(few.bounds.spread) < FACING;
         for (unsigned left = bits(within_reach(few.bounds, {point, point}) & faces); left; left &= left - 1) {
             const Tile &tile = walls.tiles[few.tiles[__builtin_ctz((unsigned)left)]];
@@ -283,7 +283,7 @@ void measure_all(const Sides &sides, const Vec *corners, float *distances) {
     Arena work;
     Walls walls = make_walls(sides, work);
     raise_walls(sides, corners, walls);
-    Array<Facing> facing;
+    Array<OpposingTiles> facing;
     int side = 0, tile = -1;
     for (int point = 0; point < sides.points.size; point++) {
         int row = sides.rows[point];

@@ -43,7 +43,7 @@ struct Bounds {
 };
 
 // Tiles that one tile is measured against.
-struct Facing {
+struct OpposingTiles {
     Bounds bounds;
     int32_t tiles[LANES];
 };
@@ -54,7 +54,7 @@ struct Walls {
     Array<Tile> tiles;
     Array<Bounds> bounds;
     Array<int32_t> near;
-    Array<Facing> facing;
+    Array<OpposingTiles> facing;
 };
 
 Walls make_walls(const Sides &sides, Arena &arena);
@@ -63,7 +63,7 @@ Walls make_walls(const Sides &sides, Arena &arena);
 void raise_walls(const Sides &sides, const Vec *corners, Walls &walls);
 
 // Finds what a tile of a side is measured against, and returns that part of `facing`.
-Array<Facing> find_facing(const Sides &sides, Walls &walls, int side, int tile);
+Array<OpposingTiles> find_facing(const Sides &sides, Walls &walls, int side, int tile);
 
 // What points of the wall say about a point: the sum of their weights, 1/m4; and by these weights their
 // distances to it, m, their normals, and the ways from them to it, m.
@@ -76,7 +76,7 @@ struct Measured {
 };
 
 // Measures the point in a row against what was found for its tile.
-Measured measure(const Walls &walls, int row, Array<Facing> facing);
+Measured measure(const Walls &walls, int row, Array<OpposingTiles> facing);
 
 // Distance, m, along the wall from a point to the middle of the points that measure it.
 float lateral_distance(const Measured &measured);

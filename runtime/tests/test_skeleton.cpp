@@ -101,7 +101,7 @@ int main() {
             Rigid seen[JOINTS];
             for (int joint = 0; joint < JOINTS; joint++)
                 seen[joint] = way ? after(scene, transforms[joint]) : transforms[joint];
-            Place place = place_of(seen[0], heads[0]);
+            GroundFrame place = ground_frame(seen[0], heads[0]);
             Vec64 point = moved(seen[2], heads[2]);
             bring_in(place, seen, JOINTS);
             Vec64 back = moved(seen[2], heads[2]);

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.bodies.collider import ARM_PARTS, TORSO_PART, Collider, make_collider
-from uvcloth.bodies.opened import GAP, SLOPE, Opening, make_opening
+from uvcloth.bodies.opened import GAP, SLOPE, ColliderOpening, make_opening
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.rotations import from_axis_angles
@@ -29,7 +29,7 @@ def collider(body: Body) -> Collider:
 
 
 @pytest.fixture(scope="module")
-def opening(body: Body, collider: Collider) -> Opening:
+def opening(body: Body, collider: Collider) -> ColliderOpening:
     return make_opening(collider, body.mesh.vertices)
 
 
@@ -53,14 +53,14 @@ def skin_of(collider: Collider, part: int, body: Body) -> Tensor:
     return faces[(faces < len(body.mesh.vertices)).all(1)].unique()
 
 
-def test_at_rest_nothing_moves(body: Body, collider: Collider, opening: Opening) -> None:
+def test_at_rest_nothing_moves(body: Body, collider: Collider, opening: ColliderOpening) -> None:
     rest = collider.vertices(body.mesh.vertices)
     assert torch.equal(opening.opened(rest), rest)
 
 
 @pytest.mark.parametrize("degrees", [30.0, 40.0, 50.0])
 def test_an_arm_pressed_into_the_ribs_ends_with_a_gap(
-    degrees: float, body: Body, collider: Collider, opening: Opening
+    degrees: float, body: Body, collider: Collider, opening: ColliderOpening
 ) -> None:
     rest, posed = collider.vertices(body.mesh.vertices), arm_down(body, degrees)
     opened = opening.opened(posed)
@@ -77,7 +77,7 @@ def test_an_arm_pressed_into_the_ribs_ends_with_a_gap(
             assert float(before.min()) < -0.03
 
 
-def test_what_is_far_from_the_other_parts_stays_to_the_bit(body: Body, opening: Opening) -> None:
+def test_what_is_far_from_the_other_parts_stays_to_the_bit(body: Body, opening: ColliderOpening) -> None:
     posed = arm_down(body, 40.0)
     moved = (opening.opened(posed) != posed).any(1)[: len(body.mesh.vertices)]
     assert 50 < int(moved.sum()) < 500
@@ -88,7 +88,7 @@ def test_what_is_far_from_the_other_parts_stays_to_the_bit(body: Body, opening: 
 
 
 @pytest.mark.parametrize("degrees", [30.0, 45.0, 60.0])
-def test_neighbours_move_alike(degrees: float, body: Body, opening: Opening) -> None:
+def test_neighbours_move_alike(degrees: float, body: Body, opening: ColliderOpening) -> None:
     posed = arm_down(body, degrees)
     moves = opening.opened(posed) - posed
     edges = unique_edges(body.mesh.faces)
@@ -96,7 +96,9 @@ def test_neighbours_move_alike(degrees: float, body: Body, opening: Opening) -> 
     assert float((change / edge_lengths(body.mesh.vertices, edges)).max()) < 1.0
 
 
-def test_a_small_step_of_the_arm_is_a_small_step_of_what_is_opened(body: Body, opening: Opening) -> None:
+def test_a_small_step_of_the_arm_is_a_small_step_of_what_is_opened(
+    body: Body, opening: ColliderOpening
+) -> None:
     poses = torch.stack([arm_down(body, 20.0 + 0.1 * step) for step in range(300)])
     moves = opening.opened(poses) - poses
     steps, changes = ((frames[1:] - frames[:-1]).norm(dim=2).amax(1) for frames in (poses, moves))
@@ -104,7 +106,7 @@ def test_a_small_step_of_the_arm_is_a_small_step_of_what_is_opened(body: Body, o
     assert float(moves.norm(dim=2).max()) > 0.02
 
 
-def test_frames_are_opened_by_themselves(body: Body, opening: Opening) -> None:
+def test_frames_are_opened_by_themselves(body: Body, opening: ColliderOpening) -> None:
     poses = torch.stack([arm_down(body, degrees) for degrees in (50.0, 0.0, 35.0, 50.0)])
     together = opening.opened(poses)
     assert torch.equal(together, torch.stack([opening.opened(pose) for pose in poses]))
@@ -116,7 +118,7 @@ SQUAT = {f"{side}{joint}": (x, 0.0, 0.0) for side in ("Left", "Right") for joint
 
 
 def test_a_squat_has_room_between_calf_and_thigh_and_belly(
-    body: Body, collider: Collider, opening: Opening
+    body: Body, collider: Collider, opening: ColliderOpening
 ) -> None:
     posed = bent(body, SQUAT)
     opened = opening.opened(posed)
@@ -130,7 +132,7 @@ def test_a_squat_has_room_between_calf_and_thigh_and_belly(
         assert int((after < 0).sum()) <= 0.5 * inside
 
 
-def test_a_mirrored_body_is_opened_mirrored(body: Body, opening: Opening) -> None:
+def test_a_mirrored_body_is_opened_mirrored(body: Body, opening: ColliderOpening) -> None:
     mirror = torch.tensor([-1.0, 1.0, 1.0])
     mesh = replace(body.mesh, vertices=body.mesh.vertices * mirror, faces=body.mesh.faces.flip(1))
     other = replace(body, mesh=mesh, sides=-body.sides)

@@ -13,7 +13,7 @@ from tests.motion.families import FAMILIES
 from tests.motion.layouts import write_layout
 from tests.motion.test_gltf import write_motion
 from uvcloth.bodies.body import Body
-from uvcloth.commands.motion import Motion
+from uvcloth.commands.motion import DescribeMotion
 from uvcloth.commands.run.motion import run
 from uvcloth.errors import InputError
 from uvcloth.motion.library import load_clip
@@ -23,7 +23,11 @@ from uvcloth.motion.options import MotionOptions
 def test_a_motion_file_is_described_and_drawn(tmp_path: Path, capsys, body: Body) -> None:
     layout = replace(FAMILIES["LAFAN1"], above=("Scene",))
     write_layout(load_clip("walk", body).window(20, 30), layout, tmp_path / "walk.bvh")
-    run(Motion(str(tmp_path / "walk.bvh"), tmp_path / "sheet.png", options=MotionOptions(frames="5:25")))
+    run(
+        DescribeMotion(
+            str(tmp_path / "walk.bvh"), tmp_path / "sheet.png", options=MotionOptions(frames="5:25")
+        )
+    )
     printed = capsys.readouterr().out
     for text in (
         "walk: 30 frames at 30 per second, 1.00 s",
@@ -53,7 +57,7 @@ def test_the_animations_of_a_file_are_listed(tmp_path: Path, capsys, body: Body)
         written["animations"] = [walk | {"name": "Walk"}, walk | {"name": ""}]
 
     rewritten(path, add_second)
-    run(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions(animation="Walk")))
+    run(DescribeMotion(str(path), tmp_path / "sheet.png", options=MotionOptions(animation="Walk")))
     assert "animations: 1 Walk, 2 (no name)\n" in capsys.readouterr().out
 
 
@@ -63,10 +67,10 @@ def test_what_is_known_is_printed_before_a_refusal(tmp_path: Path, capsys, body:
     path = tmp_path / "walk.bvh"
     write_layout(load_clip("walk", body).window(20, 10), odd, path)
     with pytest.raises(InputError, match=r"no joint is the left shin, right shin; name them with --joints"):
-        run(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions()))
+        run(DescribeMotion(str(path), tmp_path / "sheet.png", options=MotionOptions()))
     assert "move with their parents: LeftWheel, RightWheel" in capsys.readouterr().out
     assert not (tmp_path / "sheet.png").exists()
     roles = tmp_path / "map.json"
     roles.write_text(json.dumps({"left_shin": "LeftWheel", "right_shin": "RightWheel"}))
-    run(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions(joints=roles)))
+    run(DescribeMotion(str(path), tmp_path / "sheet.png", options=MotionOptions(joints=roles)))
     assert (tmp_path / "sheet.png").exists()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evaluate.blind import SIZE, Film, draw_pairs, video_of, write_page
-from evaluate.blind_ranking import Answer, main, rank
+from evaluate.blind_ranking import Vote, main, rank
 from uvcloth.errors import InputError
 
 METHODS = ("simulation", "physics", "jolt", "lbs")
@@ -66,14 +66,14 @@ def test_the_page_works_from_a_file_with_the_keyboard(tmp_path: Path) -> None:
     assert main([str(answers)]) == 0
 
 
-def told(strength: dict[str, float], pairs: int, people: int) -> list[Answer]:
+def told(strength: dict[str, float], pairs: int, people: int) -> list[Vote]:
     """Answers of people who follow the model."""
     generator = np.random.default_rng(3)
     answers = []
     for k in range(pairs):
         left, right = generator.choice(list(strength), 2, replace=False)
         odds = 1.0 / (1.0 + np.exp(strength[right] - strength[left]))
-        answers.append(Answer(left, right, float(generator.random() < odds), k % people))
+        answers.append(Vote(left, right, float(generator.random() < odds), k % people))
     return answers
 
 
@@ -87,7 +87,7 @@ def test_the_ranking_finds_the_strengths_that_made_the_answers(monkeypatch: pyte
         assert each.strength == pytest.approx(true[each.method], abs=0.3)
     few = rank(told(true, 40, 1))
     assert np.mean([each.high - each.low for each in few]) > 2 * np.mean([e.high - e.low for e in ranked])
-    tied = rank([Answer("jolt", "physics", 0.5, 0)] * 9)
+    tied = rank([Vote("jolt", "physics", 0.5, 0)] * 9)
     assert [each.strength for each in tied] == pytest.approx([0.0, 0.0], abs=1e-6)
 
 

@@ -6,7 +6,7 @@ from evaluate.candidates import load_candidates
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.methods.ensemble import Ensemble
-from uvcloth.methods.physics.finish import Finished, Settled
+from uvcloth.methods.physics.finish import Finished, StaticFinish
 from uvcloth.methods.physics.method import Physics
 
 
@@ -18,7 +18,7 @@ def test_a_finish_makes_another_candidate(body: Body) -> None:
         "physxnet@static",
     ]
     assert isinstance(dynamic.method, Finished)
-    assert isinstance(static.method, Settled)
+    assert isinstance(static.method, StaticFinish)
     assert len({each.fingerprint for each in (plain, dynamic, static)}) == 3
     assert plain.training_content == dynamic.training_content != frozenset()
 
@@ -48,5 +48,5 @@ def test_cages_have_the_quality_of_the_name(body: Body) -> None:
 def test_physics_is_its_own_dynamic_finish_and_rests_from_skinned_garments(body: Body) -> None:
     plain, dynamic, static = load_candidates(("physics", "physics@dynamic", "physics@static"), body)
     assert dynamic.method == plain.method
-    assert isinstance(static.method, Settled)
+    assert isinstance(static.method, StaticFinish)
     assert static.method.guide.name == "lbs_smooth"

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from evaluate.cost_chart import LINE, Axis, CostPoint, Floor, cost_chart
+from evaluate.cost_chart import LINE, Axis, CostPoint, ReferenceLine, cost_chart
 from evaluate.cost_figures import cost_charts, small_multiples
 from tests.evaluate.test_report import MEANS, fake_results
 
@@ -37,7 +37,10 @@ def point(index: int, error: float, raw: float, ms: float | None, name: str = ""
 
 def test_a_better_method_lies_lower_and_a_quicker_one_further_left() -> None:
     points = [point(0, 10.0, 20.0, 100.0), point(1, 30.0, 40.0, 1.0)]
-    floors = [Floor(5.0, "another simulation 5.00 mm"), Floor(1.4, "limit of cages", "floor f0")]
+    floors = [
+        ReferenceLine(5.0, "another simulation 5.00 mm"),
+        ReferenceLine(1.4, "limit of cages", "floor f0"),
+    ]
     chart = cost_chart("dress", points, floors, "mm", True)
     ((slow_x, slow_y),), ((quick_x, quick_y),) = places(chart, "m0"), places(chart, "m1")
     assert quick_x < slow_x
@@ -51,7 +54,7 @@ def test_a_better_method_lies_lower_and_a_quicker_one_further_left() -> None:
 def test_names_do_not_cover_each_other_and_stay_on_the_chart() -> None:
     points = [point(k, 10.0 + 0.01 * k, 11.0, 5.0) for k in range(22)]
     vellum = point(22, 9.0, 9.0, None, "vellum")
-    floors = [Floor(8.0 + k, f"floor{k} is here") for k in range(3)]
+    floors = [ReferenceLine(8.0 + k, f"floor{k} is here") for k in range(3)]
     chart = cost_chart("dress", [*points, vellum], floors, "mm", True)
     heights = names(chart)
     assert len(heights) == 26

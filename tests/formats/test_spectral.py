@@ -12,7 +12,7 @@ from uvcloth.formats.spectral import (
     MOST_OF_99,
     MOST_OF_ALL,
     CodedPoints,
-    Part,
+    Patch,
     code_points,
     decode_points,
     part_spectra,
@@ -36,7 +36,7 @@ def spectrum_of(faces: np.ndarray, count: int) -> np.ndarray:
     return whole.waves
 
 
-def parts_of(faces: np.ndarray, count: int) -> tuple[Part, ...]:
+def parts_of(faces: np.ndarray, count: int) -> tuple[Patch, ...]:
     return part_spectra(faces, second_half(faces, count))
 
 

@@ -24,7 +24,7 @@ from uvcloth.methods.deepsd.network import DeePSDNetwork
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.method import Both as MotionGuidedNetworks
 from uvcloth.methods.motion_guided.method import MotionGuided, motion_guided_checkpoint
-from uvcloth.methods.pbns.method import PBNS, RestOutfit, new_network, pbns_checkpoint
+from uvcloth.methods.pbns.method import PBNS, ModelOutfit, new_network, pbns_checkpoint
 from uvcloth.methods.pbns.network import PBNSConfig
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.method import PhysXNet, physxnet_checkpoint
@@ -84,7 +84,7 @@ def motion_guided() -> Checkpoint:
 
 def pbns() -> Checkpoint:
     body = small_body()
-    garments = RestOutfit(("dress",), (body.mesh,), body.skeleton.heads, body.skeleton.parents)
+    garments = ModelOutfit(("dress",), (body.mesh,), body.skeleton.heads, body.skeleton.parents)
     config = PBNSConfig(width=3, layers=2, influences=2)
     network = new_network(config, garments, body.weights, torch.zeros(4, 6))
     return pbns_checkpoint(PBNS(config, network, garments), body, DATA, {})

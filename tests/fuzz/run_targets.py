@@ -15,7 +15,7 @@ from tests.fuzz.array_targets import check_mesh
 from tests.fuzz.target import Target, require, require_numbers
 from tests.simulation.test_unfinished import Falling, StopError, some_scene
 from tests.small_body import small_body
-from train.state import Progressed, State, load_state, save_state
+from train.state import Progressed, TrainingState, load_state, save_state
 from train.wrinkles.tracked_runs import TrackedRun, load_run, save_run
 from uvcloth.errors import InputError
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
@@ -45,7 +45,7 @@ def check_animation(animation: Animation) -> None:
         require_numbers(torch.from_numpy(vertices), (len(animation), count, 3), "vertices")
 
 
-def training() -> State:
+def training() -> TrainingState:
     """A run of one network, which has taken a step."""
     torch.manual_seed(0)
     network = nn.Sequential(nn.Linear(2, 3), nn.BatchNorm1d(3))
@@ -55,7 +55,7 @@ def training() -> State:
     done = Progressed(1, 0.5, 2.0, 3.0, [{"step": 1, "minutes": 0.1, "error_mm": 3.0}])
     memory = {"past": torch.zeros(4, 2), "seen": torch.tensor(3)}
     average = copy.deepcopy(network)
-    return State({"net": network}, {"net": optimizer}, average, memory, done, SETTINGS)
+    return TrainingState({"net": network}, {"net": optimizer}, average, memory, done, SETTINGS)
 
 
 def good_state(folder: Path) -> Path:
@@ -63,7 +63,7 @@ def good_state(folder: Path) -> Path:
     return folder
 
 
-def resumed(run: Path) -> State:
+def resumed(run: Path) -> TrainingState:
     """The run of a file, which takes one more step."""
     state = training()
     memory = load_state(state, run)
@@ -71,10 +71,10 @@ def resumed(run: Path) -> State:
         require(torch.isfinite(tensor).all(), f"{name} is not finite")
     state.networks["net"](torch.ones(4, 2)).square().sum().backward()
     state.optimizers["net"].step()
-    return State(state.networks, state.optimizers, state.average, memory, state.done, state.settings)
+    return TrainingState(state.networks, state.optimizers, state.average, memory, state.done, state.settings)
 
 
-def check_state(state: State) -> None:
+def check_state(state: TrainingState) -> None:
     expected = training().tensors()
     require(state.tensors().keys() == expected.keys(), "other tensors")
     for name, tensor in state.tensors().items():

@@ -13,7 +13,7 @@ from tests.bodies.smpl_file import smpl_arrays, smpl_vertices, write_npz
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.smpl import read_smpl
-from uvcloth.commands.motion import Motion
+from uvcloth.commands.motion import DescribeMotion
 from uvcloth.commands.run.motion import run
 from uvcloth.errors import InputError
 from uvcloth.motion.library import load_clip, read_motion
@@ -150,7 +150,7 @@ def test_on_our_body_limbs_point_where_the_file_says(tmp_path: Path, body: Body)
 
 def test_the_command_describes_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path / "sway.npz", motion())
-    run(Motion(str(tmp_path / "sway.npz"), tmp_path / "sheet.png", options=MotionOptions()))
+    run(DescribeMotion(str(tmp_path / "sway.npz"), tmp_path / "sheet.png", options=MotionOptions()))
     printed = capsys.readouterr().out
     assert "sway: 41 frames at 120 per second" in printed
     assert "SMPL names, 52 joints" in printed

@@ -10,7 +10,7 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.physics.cloth_exposure import ClothExposure
 from uvcloth.physics.pressing import BENEATH, Pressing
 from uvcloth.physics.shell import Shell
-from uvcloth.physics.visibility import Onlooker
+from uvcloth.physics.visibility import VisibilityTest
 
 SMALL, LARGE = 1.5, 1.51
 
@@ -67,6 +67,6 @@ def test_points_that_come_through_are_pressed_beneath_and_no_others_move(body: B
 
 def test_an_onlooker_sees_the_outer_side_and_not_what_is_inside() -> None:
     mesh = ball(0.5)
-    onlooker = Onlooker([Shell(mesh.vertices, mesh.faces)])
+    onlooker = VisibilityTest([Shell(mesh.vertices, mesh.faces)])
     points = torch.tensor([[0.51, 0.0, 0.0], [0.0, 0.0, 0.51], [0.3, 0.0, 0.0]])
     assert onlooker.sees(points).tolist() == [True, True, False]

@@ -22,7 +22,7 @@ from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.dataset.folder import refused_captures
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.joined import Cloth
+from uvcloth.garments.joined import EngineMesh
 from uvcloth.garments.templates import fit_template
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
@@ -197,7 +197,7 @@ def test_what_cannot_be_simulated_is_named_and_the_others_go_on(
     client = SimpleNamespace(subscribe_topic=lambda *_: None)
     monkeypatch.setattr(batch, "connected", lambda *_: nullcontext(client))
     monkeypatch.setattr(batch, "results", lambda _, todo, work, look: ((job, work(job)) for job in todo))
-    worn = (cast("Cloth", SimpleNamespace(garment=None)),)
+    worn = (cast("EngineMesh", SimpleNamespace(garment=None)),)
     jobs = [
         Job(load_clip(name, body), 0, body, worn, (tmp_path / f"{name}_tops.npz",))
         for name in ("run", "walk")

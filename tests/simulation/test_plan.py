@@ -7,7 +7,7 @@ import pytest
 
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
-from uvcloth.garments.joined import Cloth, join
+from uvcloth.garments.joined import EngineMesh, join
 from uvcloth.garments.templates import fit_template
 from uvcloth.motion.index import Entry, read_index
 from uvcloth.motion.library import builtin_clips
@@ -17,7 +17,7 @@ HEADER = "trial,subject,split,action,window_start,window_frames\n"
 
 
 @pytest.fixture(scope="module")
-def dress(body: Body) -> tuple[Cloth, ...]:
+def dress(body: Body) -> tuple[EngineMesh, ...]:
     return (join(fit_template("dress", body), body),)
 
 
@@ -27,13 +27,13 @@ def table(tmp_path: Path) -> Path:
     return tmp_path / "index.csv"
 
 
-def jobs(clips: list[str], dress: tuple[Cloth, ...], body: Body, table: Path) -> list[Job]:
+def jobs(clips: list[str], dress: tuple[EngineMesh, ...], body: Body, table: Path) -> list[Job]:
     sources = batch_sources(ClipSelection(clips, table))
     return plan(sources, [dress], [table.parent], body)[0]
 
 
 def test_windows_choose_frames_and_name_what_is_wrong(
-    dress: tuple[Cloth, ...], body: Body, table: Path
+    dress: tuple[EngineMesh, ...], body: Body, table: Path
 ) -> None:
     (job,) = jobs(["walk"], dress, body, table)
     assert (len(job.motion), job.warm_up, job.targets[0].name) == (45, 15, "walk_dress.npz")
@@ -46,14 +46,16 @@ def test_windows_choose_frames_and_name_what_is_wrong(
         jobs(["walk"], dress, body, table)
 
 
-def test_two_clips_for_one_file_are_refused(dress: tuple[Cloth, ...], body: Body, tmp_path: Path) -> None:
+def test_two_clips_for_one_file_are_refused(
+    dress: tuple[EngineMesh, ...], body: Body, tmp_path: Path
+) -> None:
     shipped = builtin_clips()["walk"]
     sources = batch_sources(ClipSelection(["walk", str(shipped)]))
     with pytest.raises(InputError, match=rf"walk_dress\.npz: both walk and {shipped}"):
         plan(sources, [dress], [tmp_path], body)
 
 
-def test_what_is_there_is_not_read_again(dress: tuple[Cloth, ...], body: Body, tmp_path: Path) -> None:
+def test_what_is_there_is_not_read_again(dress: tuple[EngineMesh, ...], body: Body, tmp_path: Path) -> None:
     (tmp_path / "rejected").mkdir()
     (tmp_path / "rejected" / "gone_dress.npz").touch()
     (tmp_path / "walk_dress.npz").touch()
@@ -113,7 +115,7 @@ def test_the_benchmark_starts_with_validation_and_test(mocap_folder: Path) -> No
 
 
 def test_a_file_that_windows_cannot_have_is_refused(
-    dress: tuple[Cloth, ...], body: Body, tmp_path: Path
+    dress: tuple[EngineMesh, ...], body: Body, tmp_path: Path
 ) -> None:
     sources = batch_sources(ClipSelection(["mocap/12:30.bvh"]))
     with pytest.raises(InputError, match=r"12:30\.bvh: '12:30_dress\.npz' cannot be the name of a file"):

@@ -12,7 +12,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.dataset.folder import MEMBERS
 from uvcloth.errors import InputError
 from uvcloth.garments.cage import Cage
-from uvcloth.garments.joined import Cloth, join
+from uvcloth.garments.joined import EngineMesh, join
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges, edge_lengths, join_meshes, unique_edges
 from uvcloth.physics.fabric import FABRICS, Fabric
@@ -52,22 +52,22 @@ class Falling:
 
 
 @pytest.fixture(scope="module")
-def dress(body: Body) -> Cloth:
+def dress(body: Body) -> EngineMesh:
     return join(fit_template("dress", body), body)
 
 
 @pytest.fixture(scope="module")
-def rest(dress: Cloth) -> torch.Tensor:
+def rest(dress: EngineMesh) -> torch.Tensor:
     return dress.garment.mesh.vertices[dress.kept]
 
 
 @pytest.fixture(scope="module")
-def mesh(dress: Cloth, rest: torch.Tensor) -> Cage:
+def mesh(dress: EngineMesh, rest: torch.Tensor) -> Cage:
     return other_mesh(rest, dress.faces)
 
 
 @pytest.fixture
-def scene(dress: Cloth, rest: torch.Tensor) -> Scene:
+def scene(dress: EngineMesh, rest: torch.Tensor) -> Scene:
     """Four frames in which the skinned dress goes forwards and widens."""
     skinned = torch.stack([(1.0 + 0.1 * frame) * rest for frame in range(4)])
     return Scene(
@@ -84,7 +84,7 @@ def scene(dress: Cloth, rest: torch.Tensor) -> Scene:
     )
 
 
-def test_it_is_another_mesh_of_the_same_surface(dress: Cloth, rest: torch.Tensor, mesh: Cage) -> None:
+def test_it_is_another_mesh_of_the_same_surface(dress: EngineMesh, rest: torch.Tensor, mesh: Cage) -> None:
     points = mesh.at_cage(rest)
     assert 0.97 * len(rest) < len(points) <= len(rest)
     own, other = (edge_lengths(v, unique_edges(f)) for v, f in ((rest, dress.faces), (points, mesh.faces)))
@@ -95,7 +95,7 @@ def test_it_is_another_mesh_of_the_same_surface(dress: Cloth, rest: torch.Tensor
     assert float(back.max()) < 0.01
 
 
-def test_hems_lie_on_hems(dress: Cloth, rest: torch.Tensor, mesh: Cage) -> None:
+def test_hems_lie_on_hems(dress: EngineMesh, rest: torch.Tensor, mesh: Cage) -> None:
     assert len(boundary_loops(mesh.faces.numpy())) == len(boundary_loops(dress.faces.numpy()))
     start, end = rest[boundary_edges(dress.faces)].unbind(1)
     rim = mesh.at_cage(rest)[boundary_edges(mesh.faces).unique()]
@@ -105,13 +105,13 @@ def test_hems_lie_on_hems(dress: Cloth, rest: torch.Tensor, mesh: Cage) -> None:
     assert float((on_line - rim[:, None]).norm(dim=-1).amin(1).max()) < 0.001
 
 
-def test_the_same_surface_gives_the_same_mesh(dress: Cloth, rest: torch.Tensor, mesh: Cage) -> None:
+def test_the_same_surface_gives_the_same_mesh(dress: EngineMesh, rest: torch.Tensor, mesh: Cage) -> None:
     again = other_mesh(rest, dress.faces)
     assert torch.equal(again.faces, mesh.faces)
     assert torch.equal(again.weights, mesh.weights)
 
 
-def test_each_piece_stays_a_piece(dress: Cloth, rest: torch.Tensor) -> None:
+def test_each_piece_stays_a_piece(dress: EngineMesh, rest: torch.Tensor) -> None:
     """Layers of an outfit are not mixed, however near."""
     both = join_meshes([(rest, dress.faces), (1.002 * rest, dress.faces)])
     mesh = other_mesh(both.vertices, both.faces)

@@ -23,7 +23,7 @@ from uvcloth.methods.deepsd.outfit_graph import OutfitGraph, outfit_graph
 from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.index import require_one_split
 
-from ..pbns.poses import Poses
+from ..pbns.poses import BodyPoses
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def outfit_clips(folder: Path) -> list[tuple[Outfit, SimulatedClip]]:
     return read_outfit_clips(folder, TRAINING_SPLITS)
 
 
-def posed_outfit(outfit: Outfit, poses: Poses) -> OutfitDataset:
+def posed_outfit(outfit: Outfit, poses: BodyPoses) -> OutfitDataset:
     """One outfit in the poses of a database alone, without a simulation: what physics needs."""
     skeleton = outfit.body.skeleton
     graph = outfit_graph(outfit)

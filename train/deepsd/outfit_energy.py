@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.opened import Opening
+from uvcloth.bodies.opened import ColliderOpening
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.operators import Operator
@@ -21,7 +21,7 @@ from uvcloth.physics.energies import (
 )
 from uvcloth.physics.fabric import JERSEY
 
-from ..batched_collision import InnerLayer, PosedParts, inner_layers
+from ..batched_collision import LayerPair, PosedParts, inner_layers
 from .dataset import OutfitFrames
 from .losses import PhysicsLosses
 from .prediction import PosedOutfit
@@ -36,8 +36,8 @@ class RestOutfit:
 
     cloth: ClothEnergies
     touches: Tensor
-    opening: Opening
-    layers: list[InnerLayer]
+    opening: ColliderOpening
+    layers: list[LayerPair]
 
 
 class OutfitEnergy:

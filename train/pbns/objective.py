@@ -35,7 +35,7 @@ from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Surface, contac
 from ..loop import Objective
 from ..posed_batch import ClosestPointCache, empty_cache
 from .energy import EnergyConfig, PBNSEnergy
-from .poses import Poses
+from .poses import BodyPoses
 from .smoothing import GradientSmoothing
 from .supervision import SettledPoses, Supervision
 
@@ -95,7 +95,7 @@ class PBNSObjective(Objective):
         energy: EnergyConfig,
         attachment: AttachmentConfig,
         outfit: Outfit,
-        poses: Poses,
+        poses: BodyPoses,
         batch: int,
         smoothing: float = SMOOTHING,
         device: torch.device = CPU,

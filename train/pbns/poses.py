@@ -25,14 +25,14 @@ POSES_FILE = "poses.npz"
 
 
 @dataclass(frozen=True)
-class Poses:
+class BodyPoses:
     """A database for one body; data: its file, and the clips of its training and validation poses."""
 
     database: PoseDatabase
     data: TrainingData
 
 
-def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
+def poses_for(given: Sequence[str], body: Body, run: Path) -> BodyPoses:
     """Read the database of `given`, or draw one from its clips and folders into the run, once.
 
     Poses that were drawn for another shape of body and in which this one runs through itself are left out.
@@ -61,7 +61,7 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
     _require_splits(
         str(path), {SPLITS[split] for split in database.splits.unique()}, "draw them from more clips"
     )
-    return Poses(database, data)
+    return BodyPoses(database, data)
 
 
 def _drawn_from(database: PoseDatabase, sources: Sequence[SplitClip]) -> bool:

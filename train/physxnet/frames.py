@@ -15,7 +15,7 @@ from uvcloth.geometry.records import to_device
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.maps import motion_values, pose_values, template_offsets
 
-from .prepare import Prepared, SharedTexels
+from .prepare import Correspondences, SharedTexels
 
 BAKED_AT_ONCE = 16
 """Frames that are posed at once."""
@@ -48,7 +48,7 @@ class Frames:
 def load_frames(
     config: PhysXNetConfig,
     worn: Sequence[BodyClips],
-    prepared: Sequence[Prepared],
+    prepared: Sequence[Correspondences],
     shared: Sequence[SharedTexels],
     title: str,
 ) -> Frames:
@@ -99,7 +99,7 @@ def load_frames(
 
 def _offsets(
     config: PhysXNetConfig,
-    prepared: Prepared,
+    prepared: Correspondences,
     name: str,
     simulated: Tensor,
     body_vertices: Tensor,
@@ -117,6 +117,6 @@ def _offsets(
     ).half()
 
 
-def sheet_of(values: Tensor, prepared: Prepared) -> Tensor:
+def sheet_of(values: Tensor, prepared: Correspondences) -> Tensor:
     """Texel values (T, C, P) as float16 maps (T, C, H, W)."""
     return scatter_map(values.half().transpose(1, 2), prepared.texels.sheet)

@@ -33,7 +33,7 @@ from ..loop import Objective
 from ..validation import mean_errors, rollout_distances
 from .frames import Frames, load_frames
 from .patchgan import PatchGAN, discriminator_loss, generator_loss
-from .prepare import Prepared, SharedTexels, prepare, share_texels
+from .prepare import Correspondences, SharedTexels, prepare, share_texels
 
 STATISTICS_STRIDE = 4
 """Every n-th training frame enters the statistics."""
@@ -59,14 +59,14 @@ class Losses(Holdout):
 
 
 @dataclass(frozen=True)
-class Wearer:
+class TrainingBody:
     """A body that training clips are on.
 
     clips: those that validate. geometry: of each template, see `_geometry`.
     """
 
     body: Body
-    prepared: Prepared
+    prepared: Correspondences
     clips: tuple[SimulatedClip, ...]
     geometry: tuple[tuple[Operator, Operator, Tensor], ...]
 
@@ -114,7 +114,7 @@ class PhysXNetObjective(Objective):
         worn = [(body, list(islice(rest, len(clips)))) for body, clips in worn]
         self.wearers = [
             to_device(
-                Wearer(
+                TrainingBody(
                     body,
                     ready,
                     tuple(of_split(clips, validating)),
@@ -222,7 +222,13 @@ class PhysXNetObjective(Objective):
             yield which, torch.nonzero(bodies == which).squeeze(1)
 
     def _edges(
-        self, wearer: Wearer, index: int, offsets: Tensor, wrong: Tensor, posed: Tensor, transforms: Tensor
+        self,
+        wearer: TrainingBody,
+        index: int,
+        offsets: Tensor,
+        wrong: Tensor,
+        posed: Tensor,
+        transforms: Tensor,
     ) -> tuple[Tensor, Tensor]:
         """Errors of a template's edges on one body, as shares of their rest lengths: two of (B,).
 
@@ -274,7 +280,7 @@ class PhysXNetObjective(Objective):
         method = PhysXNet(self.config, net)  # type: ignore[arg-type]
         network = for_inference(net, self.device)
 
-        def on(ready: Prepared) -> PhysXNetPrepared:
+        def on(ready: Correspondences) -> PhysXNetPrepared:
             garments = tuple((name, ready.decoders[name]) for name in self.config.templates)
             return PhysXNetPrepared(network, ready.texels, ready.templates, garments)
 
@@ -283,13 +289,13 @@ class PhysXNetObjective(Objective):
     def _skinning_errors(self) -> dict[str, float]:
         """Mean vertex errors, mm, of a garment that never leaves the smooth LBS reference, see `validate`."""
 
-        def on(ready: Prepared) -> tuple[SkinnedGarment, ...]:
+        def on(ready: Correspondences) -> tuple[SkinnedGarment, ...]:
             decoders = (ready.decoders[name] for name in self.config.templates)
             return tuple(SkinnedGarment(decoder.points, decoder.smooth_weights) for decoder in decoders)
 
         return self._rollout_errors(LinearBlendSkinning("lbs_smooth", smooth=True), on)
 
-    def _rollout_errors(self, method: Method, on: Callable[[Prepared], Any]) -> dict[str, float]:
+    def _rollout_errors(self, method: Method, on: Callable[[Correspondences], Any]) -> dict[str, float]:
         """Mean vertex errors, mm, of a method over the validation clips; on: prepares it for a body."""
         names, distances = self.config.templates, defaultdict[str, list[Tensor]](list)
         for each in self.wearers:
@@ -321,7 +327,7 @@ class PhysXNetObjective(Objective):
             self.past.copy_(memory["past"])
 
 
-def _geometry(prepared: Prepared, name: str) -> tuple[Operator, Operator, Tensor]:
+def _geometry(prepared: Correspondences, name: str) -> tuple[Operator, Operator, Tensor]:
     """Operators from a template's texels to vertices and from these to edge vectors; rest lengths, m."""
     decoder, edges = prepared.decoders[name], prepared.edges[name]
     sample = sampling(decoder.samples, decoder.shares, len(prepared.templates[name].texels))
@@ -331,7 +337,7 @@ def _geometry(prepared: Prepared, name: str) -> tuple[Operator, Operator, Tensor
 def set_statistics(
     net: GarmentNet,
     config: PhysXNetConfig,
-    prepared: Prepared,
+    prepared: Correspondences,
     shared: Sequence[SharedTexels],
     frames: Frames,
 ) -> None:
@@ -380,7 +386,7 @@ def _scales(config: PhysXNetConfig, values: Tensor) -> tuple[Tensor, Tensor]:
     return values.mean(0), values.std(0).clamp(min=1e-6)
 
 
-def _require_one_layout(bodies: Sequence[Body], prepared: Sequence[Prepared]) -> None:
+def _require_one_layout(bodies: Sequence[Body], prepared: Sequence[Correspondences]) -> None:
     """Raise InputError naming the first body whose maps, or joints, are not those of the first one."""
     for body, ready in zip(bodies, prepared, strict=True):
         same = ready.texels.sheet.pixels.equal(prepared[0].texels.sheet.pixels)

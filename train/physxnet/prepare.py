@@ -29,7 +29,7 @@ PREPARED_FILE = "prepared_{}.npz"
 
 
 @dataclass(frozen=True)
-class Prepared:
+class Correspondences:
     """Correspondences of a body and its templates, by name. edges: (E, 2) int64 mesh edges of each."""
 
     texels: BodyTexels
@@ -51,7 +51,7 @@ class SharedTexels:
     visible: Tensor
 
 
-def share_texels(prepared: Sequence[Prepared], name: str) -> SharedTexels:
+def share_texels(prepared: Sequence[Correspondences], name: str) -> SharedTexels:
     """Join the texels that see a template on each of several bodies of one layout."""
     pixels_of = [each.templates[name].pixels for each in prepared]
     pixels = torch.cat(pixels_of).unique()
@@ -59,7 +59,7 @@ def share_texels(prepared: Sequence[Prepared], name: str) -> SharedTexels:
     return SharedTexels(pixels, tuple(torch.searchsorted(pixels, each) for each in pixels_of), visible)
 
 
-def prepare(folder: Path, body: Body, templates: tuple[str, ...], size: int) -> Prepared:
+def prepare(folder: Path, body: Body, templates: tuple[str, ...], size: int) -> Correspondences:
     """Read what an earlier start of this run prepared for the body, or cast the rays and write that.
 
     Only the making needs ray casting: a folder that was prepared here can be trained anywhere.
@@ -82,14 +82,14 @@ def prepare(folder: Path, body: Body, templates: tuple[str, ...], size: int) -> 
     return prepared
 
 
-def make(body: Body, templates: tuple[str, ...], size: int) -> Prepared:
+def make(body: Body, templates: tuple[str, ...], size: int) -> Correspondences:
     """Fit every template to the body and cast the rays."""
     from uvcloth.garments.templates import fit_template
 
     texels = body_texels(body, size)
     garments = {name: fit_template(name, body) for name in templates}
     template_maps = {name: template_texels(name, garments[name].mesh, body, texels) for name in templates}
-    return Prepared(
+    return Correspondences(
         texels=texels,
         templates=template_maps,
         decoders={name: build_decoder(garments[name], template_maps[name], texels) for name in templates},
@@ -107,9 +107,9 @@ def _content(body: Body, templates: tuple[str, ...], size: int) -> str:
     )
 
 
-def _read(arrays: dict[str, np.ndarray], templates: tuple[str, ...]) -> Prepared:
+def _read(arrays: dict[str, np.ndarray], templates: tuple[str, ...]) -> Correspondences:
     """The preparation in a file."""
-    return Prepared(
+    return Correspondences(
         texels=from_arrays(BodyTexels, arrays, "texels"),
         templates={name: from_arrays(TemplateTexels, arrays, f"template.{name}") for name in templates},
         decoders={name: from_arrays(GarmentDecoder, arrays, f"worn.{name}") for name in templates},

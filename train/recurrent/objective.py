@@ -16,7 +16,7 @@ from uvcloth.methods.recurrent.method import Recurrent, recurrent_checkpoint
 from uvcloth.methods.recurrent.network import RecurrentConfig, RecurrentNetwork, RecurrentNetworks
 
 from ..loop import Objective, training_device
-from .windows import SKIN_EVERY, Fitted, GarmentRuns, Windows
+from .windows import SKIN_EVERY, GarmentRuns, RunStatistics, Windows
 
 SLOW = 1.0
 """Speed, mm per frame, that errors of the speed are a share of where cloth is slower."""
@@ -52,16 +52,16 @@ class RecurrentLosses:
 
 
 @dataclass(frozen=True)
-class Start:
+class WarmStart:
     """A model whose weights are trained further, and what it was made from."""
 
     method: Recurrent
     data: TrainingData
 
-    def fitted(self) -> dict[str, Fitted]:
+    def fitted(self) -> dict[str, RunStatistics]:
         """The statistics of its garments."""
         networks = self.method.networks
-        return {name: Fitted.of(networks.of(name)) for name in networks}
+        return {name: RunStatistics.of(networks.of(name)) for name in networks}
 
 
 class RecurrentObjective(Objective):
@@ -73,7 +73,7 @@ class RecurrentObjective(Objective):
         losses: RecurrentLosses,
         folders: Sequence[Path],
         body: Body,
-        start: Start | None = None,
+        start: WarmStart | None = None,
     ) -> None:
         self.config, self.losses, self.body, self.start = config, losses, body, start
         self.device = training_device()
@@ -168,7 +168,7 @@ class RecurrentObjective(Objective):
     def remember(self, memory: Mapping[str, Tensor]) -> None:
         """Restore what was fitted."""
         for name, runs in self.runs.items():
-            runs.restore(Fitted(**{key: memory[f"{name}.{key}"] for key in vars(runs.fitted)}))
+            runs.restore(RunStatistics(**{key: memory[f"{name}.{key}"] for key in vars(runs.fitted)}))
         self._measure_units()
 
     def _measure_units(self) -> None:

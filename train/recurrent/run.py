@@ -20,7 +20,7 @@ from uvcloth.methods.registry import model_folder
 from ..loop import LoopConfig, check_run, fit
 from ..trainer import TrainerEntry
 from .cage_runs import load_run, run_files
-from .objective import RecurrentLosses, RecurrentObjective, Start
+from .objective import RecurrentLosses, RecurrentObjective, WarmStart
 
 LOOPS: dict[str, LoopConfig] = {
     "default": LoopConfig(steps=2000, batch=12, weight_decay=0.01, validate_every=250, keep="last"),
@@ -65,7 +65,7 @@ class RecurrentRun:
         objective = RecurrentObjective(self.network, self.losses, self.data, body, start)
         return fit(objective, self.out, self.loop, resume=self.resume)
 
-    def _start(self, model: str, body: Body) -> Start:
+    def _start(self, model: str, body: Body) -> WarmStart:
         """The model to go on from. Raises InputError if it is another method, or of other sizes."""
         folder = model_folder(model)
         checkpoint = None if folder is None else load_checkpoint(folder, body)
@@ -74,7 +74,7 @@ class RecurrentRun:
         method = load_recurrent(checkpoint, folder)
         if method.config != self.network or not {*self._garments()} <= {*method.networks}:
             raise InputError(f"--start-from {model}: is of other sizes, or lacks a garment of the data")
-        return Start(method, checkpoint.data)
+        return WarmStart(method, checkpoint.data)
 
     def _garments(self) -> Iterator[str]:
         for folder in self.data:

@@ -50,7 +50,7 @@ class Windows:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class RunStatistics:
     """Statistics of runs.
 
     center, spread: (C,) of the body's motion. usual, scale: (S,) of the condition, see
@@ -66,13 +66,13 @@ class Fitted:
     shapes: Tensor
 
     @classmethod
-    def of(cls, network: RecurrentNetwork) -> "Fitted":
+    def of(cls, network: RecurrentNetwork) -> "RunStatistics":
         """The statistics that a network was trained with."""
         return cls(**{each.name: getattr(network, each.name) for each in fields(cls)})
 
-    def to(self, device: torch.device) -> "Fitted":
+    def to(self, device: torch.device) -> "RunStatistics":
         """The statistics on a device."""
-        return Fitted(**{name: value.to(device) for name, value in vars(self).items()})
+        return RunStatistics(**{name: value.to(device) for name, value in vars(self).items()})
 
     def unit(self) -> float:
         """Root mean square over the vertices, m, of the offset that a weight of one makes."""
@@ -112,7 +112,7 @@ class GarmentRuns:
         windows: Windows,
         shapes: int,
         device: torch.device,
-        fitted: Mapping[str, Fitted],
+        fitted: Mapping[str, RunStatistics],
     ) -> None:
         """Take in the runs of a folder; fits shapes to them unless the garment's statistics are given."""
         self.folder, self.body, self.windows, self.device = folder, body, windows, device
@@ -178,7 +178,7 @@ class GarmentRuns:
         weights = self._all.weights
         return weights[torch.cat([weights.argmin(0), weights.argmax(0)])]
 
-    def restore(self, fitted: Fitted) -> None:
+    def restore(self, fitted: RunStatistics) -> None:
         """Take the runs in again, with other statistics."""
         self.fitted = fitted.to(self.device)
         self._forget()
@@ -199,7 +199,7 @@ class GarmentRuns:
         """Normalized motion (still + T, C) of a run, after `still` frames in which the body stands."""
         return (_motion(run, still) - self.fitted.center) / self.fitted.spread
 
-    def _fit(self, files: Sequence[Path], count: int) -> Fitted:
+    def _fit(self, files: Sequence[Path], count: int) -> RunStatistics:
         motions, resting, conditions = [], [], []
         for run in map(self._loaded, files):
             for each in self._with_mirror_image(run):
@@ -211,7 +211,7 @@ class GarmentRuns:
         strengths, directions = torch.linalg.eigh((offsets - mean).T @ (offsets - mean) / len(offsets))
         shapes = directions[:, -count:].flip(1).T * strengths[-1].sqrt()
         apart = condition.std(0, correction=0)
-        return Fitted(
+        return RunStatistics(
             center=motion.mean(0),
             spread=motion.std(0).clamp(min=LEAST_SPREAD),
             usual=condition.mean(0),

@@ -45,7 +45,7 @@ MOST_KEPT = 8
 
 
 @dataclass(frozen=True)
-class Opening:
+class ColliderOpening:
     """Opening of a collider; sections: its arrays by name, as `uvcloth.player.opening.Opening` has them."""
 
     sections: Mapping[str, np.ndarray]
@@ -74,7 +74,7 @@ class _AtRest:
     body: Tensor = field(compare=False)
 
 
-def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
+def make_opening(collider: Collider, body_vertices: Tensor) -> ColliderOpening:
     """Opening of a collider's pressed parts, for a body with vertices (V, 3) m at rest.
 
     The latest ones are kept, and are the same for the same content.
@@ -86,7 +86,7 @@ def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
 
 
 @lru_cache(MOST_KEPT)
-def _opening(standing: _AtRest) -> Opening:
+def _opening(standing: _AtRest) -> ColliderOpening:
     collider, body = standing.collider, standing.body
     rest, count = body.numpy(), len(body) + len(collider.rims)
     skins = [part[(part < len(body)).all(1)] for part in collider.parts]
@@ -131,7 +131,7 @@ def _opening(standing: _AtRest) -> Opening:
     }
     at_rest = opening.Opening(sections).distances(collider.vertices(body).numpy()) - REST_MARGIN
     sections["opening.want"] = np.minimum(sections["opening.want"], at_rest)
-    return Opening(sections)
+    return ColliderOpening(sections)
 
 
 def _skin_graph(body: Tensor, faces: Tensor, count: int) -> csr_array:

@@ -23,7 +23,7 @@ from uvcloth.commands.options import (
     WrinklesFrom,
 )
 from uvcloth.errors import InputError
-from uvcloth.files.options import NewFile, Source
+from uvcloth.files.options import InputPath, NewFile
 from uvcloth.motion.options import MotionOptions
 
 
@@ -37,7 +37,7 @@ class Bake(Command):
     body: Annotated[
         Path | None,
         arg(metavar="GLB|NPZ", help_behavior_hint="(default: the one in the package)"),
-        Source((*CHARACTERS, ".npz")),
+        InputPath((*CHARACTERS, ".npz")),
     ] = None
     """A rigged character, whose file is kept as it is and gets the garments, or a body made by `uvcloth
     body`."""

@@ -9,28 +9,28 @@ from tyro.conf import OmitArgPrefixes, arg
 from uvcloth.commands.command import Command
 from uvcloth.commands.options import ANNY, JSON, BodyFile
 from uvcloth.errors import InputError
-from uvcloth.files.options import Between, NewFile, NewFolder, Several, Source
+from uvcloth.files.options import Between, InputPath, NewFile, NewFolder, Several
 
 SUFFIXES = (".npz", ".obj", ".glb")
 
-Share = Annotated[float | None, arg(metavar="0..1", help_behavior_hint=""), Between(0, 1)]
+Fraction = Annotated[float | None, arg(metavar="0..1", help_behavior_hint=""), Between(0, 1)]
 
 
 @dataclass(frozen=True)
 class Phenotype:
     """Shape of the body, each from 0 to 1; the default is the value of the body that ships with uvcloth."""
 
-    gender: Share = None
+    gender: Fraction = None
     """0 male, 1 female."""
-    age: Share = None
+    age: Fraction = None
     """0 baby, 0.33 child, 0.67 young adult, 1 old."""
-    muscle: Share = None
+    muscle: Fraction = None
     """0 weak, 1 muscular."""
-    weight: Share = None
+    weight: Fraction = None
     """0 thin, 1 heavy."""
-    height: Share = None
+    height: Fraction = None
     """0 small, 1 tall."""
-    proportions: Share = None
+    proportions: Fraction = None
     """0 uncommon, 1 idealized proportions."""
 
     def given(self) -> dict[str, float]:
@@ -48,7 +48,7 @@ class MakeBody(Command):
     body: BodyFile = None
     """An existing body to write in another format; not together with phenotypes."""
     character: Annotated[
-        Path | None, arg(metavar="GLB", help_behavior_hint=""), Source((".glb", ".gltf", ".vrm", ".fbx"))
+        Path | None, arg(metavar="GLB", help_behavior_hint=""), InputPath((".glb", ".gltf", ".vrm", ".fbx"))
     ] = None
     """A rigged character (.glb, .gltf, .vrm, .fbx) to make the body from; see docs/characters.md."""
     joints: Annotated[
@@ -67,7 +67,7 @@ class MakeBody(Command):
         arg(metavar="m|dm|cm|mm|inches|feet", help_behavior_hint="(default: by its height)"),
     ] = None
     """Unit of the character's file. Needed for a character of unusual height in another unit than metres."""
-    smpl: Annotated[Path | None, arg(metavar="NPZ|PKL", help_behavior_hint=""), Source()] = None
+    smpl: Annotated[Path | None, arg(metavar="NPZ|PKL", help_behavior_hint=""), InputPath()] = None
     """A model file of SMPL, SMPL-H or SMPL-X of one gender; see docs/field_data.md."""
     betas: Annotated[
         tuple[float, ...],

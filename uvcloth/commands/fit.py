@@ -8,14 +8,14 @@ from tyro.conf import Positional, arg
 
 from uvcloth.commands.command import Command
 from uvcloth.commands.options import PNG, BodyFile, FromBody, GarmentPose, TemplateName
-from uvcloth.files.options import Between, NewFile, Source
+from uvcloth.files.options import Between, InputPath, NewFile
 
 
 @dataclass(frozen=True)
 class Fit(Command):
     """Explain a garment file, and check that it lies on the body as clothes do."""
 
-    file: Positional[Annotated[Path, Source()]]
+    file: Positional[Annotated[Path, InputPath()]]
     """A garment mesh (OBJ, PLY, GLB or STL), in any unit, Y or Z up, modelled on this body or another; or
     MakeHuman clothes (MHCLO with its OBJ)."""
     body: BodyFile = None

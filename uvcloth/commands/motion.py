@@ -12,7 +12,7 @@ from uvcloth.motion.options import MotionOptions
 
 
 @dataclass(frozen=True)
-class Motion(Command):
+class DescribeMotion(Command):
     """Explain how a motion file is understood, and draw it as stick figures."""
 
     file: Positional[Annotated[str, arg(metavar="FILE|NAME"), MOTION]]

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args
 
 from tyro.conf import OmitArgPrefixes, arg
 
-from uvcloth.files.options import AtLeast, Between, NewFile, Package, Several, Source, Text
+from uvcloth.files.options import AtLeast, Between, InputPath, NewFile, Package, Several, Text
 from uvcloth.methods.registry import DEFAULT, list_methods
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.fabric import FabricName
@@ -43,11 +43,11 @@ def clip_names() -> list[str]:
     return sorted(path.stem for path in folder.glob("*.npz"))
 
 
-GARMENT = Source(names=lambda: get_args(TemplateName))
-MOTION = Source(MOTIONS, names=clip_names)
-MOTIONS_OR_FOLDERS = Source(MOTIONS, "file or folder", clip_names)
-CSV, JSON, NPZ = (Source((suffix,)) for suffix in (".csv", ".json", ".npz"))
-FOLDER = Source(kind="folder")
+GARMENT = InputPath(names=lambda: get_args(TemplateName))
+MOTION = InputPath(MOTIONS, names=clip_names)
+MOTIONS_OR_FOLDERS = InputPath(MOTIONS, "file or folder", clip_names)
+CSV, JSON, NPZ = (InputPath((suffix,)) for suffix in (".csv", ".json", ".npz"))
+FOLDER = InputPath(kind="folder")
 PNG = NewFile((".png",))
 DEVICE = Text(r"cpu|cuda(:\d{1,2})?", "cpu, cuda or cuda:N")
 SEED = Between(0, 2**32 - 1)
@@ -94,7 +94,7 @@ FromBody = Annotated[
         "transferred from it with their ease.",
         help_behavior_hint="(default: found by where each garment lies best)",
     ),
-    Source(),
+    InputPath(),
 ]
 Wrinkled = Annotated[
     bool,

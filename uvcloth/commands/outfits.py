@@ -9,7 +9,7 @@ from tyro.conf import arg
 from uvcloth.commands.command import Command
 from uvcloth.commands.options import ANNY, PNG, REMESHER, SEED, Jobs
 from uvcloth.errors import InputError
-from uvcloth.files.options import Between, NewFolder, Several, Source
+from uvcloth.files.options import Between, InputPath, NewFolder, Several
 
 FEWEST_VERTICES, MOST_VERTICES = 1000, 16000
 
@@ -30,7 +30,7 @@ class Outfits(Command):
             "three, so that no body is in two splits. Without this option, bodies are drawn from phenotypes.",
             help_behavior_hint="",
         ),
-        Source((".npz",), names=lambda: ("builtin",)),
+        InputPath((".npz",), names=lambda: ("builtin",)),
         Several(most=1000, distinct=True),
     ] = ()
     bodies: Annotated[int, arg(metavar="K"), Between(1, 1000)] = 12

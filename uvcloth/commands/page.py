@@ -8,7 +8,7 @@ from tyro.conf import Positional, arg
 
 from uvcloth.commands.command import Command
 from uvcloth.commands.options import NPZ, TRAINED, BodyFile
-from uvcloth.files.options import NewFolder, Several, Source, Text
+from uvcloth.files.options import InputPath, NewFolder, Several, Text
 from uvcloth.methods.registry import list_methods
 
 
@@ -22,7 +22,7 @@ class Page(Command):
         Annotated[
             tuple[Path, ...],
             arg(metavar="GLB", help_behavior_hint="(default: a dress, and trousers with a shirt)"),
-            Source((".glb",)),
+            InputPath((".glb",)),
         ]
     ] = ()
     """Files that `uvcloth bake` wrote, with their animations."""
@@ -34,7 +34,7 @@ class Page(Command):
             "slow machines take that quality, and a visitor may.",
             help_behavior_hint="",
         ),
-        Source((".glb",)),
+        InputPath((".glb",)),
     ] = ()
     simulated: Annotated[
         Path | None,

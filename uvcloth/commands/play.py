@@ -9,7 +9,7 @@ from tyro.conf import Positional, arg
 from uvcloth.commands.command import Command
 from uvcloth.commands.options import EXTRAS, FABRIC_NAMES, MOTION, MotionFile
 from uvcloth.errors import InputError
-from uvcloth.files.options import NewFile, Source
+from uvcloth.files.options import InputPath, NewFile
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.fabric import FabricName
 
@@ -21,7 +21,7 @@ PLAYED = (".glb", ".usdc", ".usd", ".pc2", ".abc", ".obj", ".npz")
 class Play(Command):
     """Play a baked file: its cloth moves with an animation of the file, or with another motion."""
 
-    file: Positional[Annotated[Path, Source((".glb",))]]
+    file: Positional[Annotated[Path, InputPath((".glb",))]]
     """A .glb that `uvcloth bake` wrote."""
     out: Annotated[Path, NewFile(PLAYED, EXTRAS)]
     """File to write. .glb: the character and its garments; .usdc, .abc, .pc2, .obj, .npz: the garments."""

@@ -12,7 +12,7 @@ from uvcloth.files.options import AtLeast, Between, NewFile
 
 
 @dataclass(frozen=True)
-class Poses(Command):
+class DrawPoses(Command):
     """Draw distinct poses without self-intersection of the body from motion capture."""
 
     out: Annotated[Path, NewFile((".npz",))]

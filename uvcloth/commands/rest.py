@@ -8,7 +8,7 @@ from tyro.conf import arg
 
 from uvcloth.commands.command import Command
 from uvcloth.commands.options import CHARACTERS, FromBody, GarmentPose, Holds, Tucks
-from uvcloth.files.options import NewFile, Several, Source
+from uvcloth.files.options import InputPath, NewFile, Several
 from uvcloth.physics.fabric import FabricName
 
 
@@ -16,9 +16,9 @@ from uvcloth.physics.fabric import FabricName
 class Rest(Command):
     """Say how garment files on a character are moved before they are baked, and write it as arrays."""
 
-    garment: Annotated[tuple[str, ...], arg(metavar="FILE ..."), Source(), Several(least=1)]
+    garment: Annotated[tuple[str, ...], arg(metavar="FILE ..."), InputPath(), Several(least=1)]
     """Garment files in the axes, the unit and the bind pose of the character, the innermost first."""
-    body: Annotated[Path, Source(CHARACTERS)]
+    body: Annotated[Path, InputPath(CHARACTERS)]
     """A rigged character."""
     out: Annotated[Path, NewFile((".npz",))]
     """File to write: per garment NAME.vertices as the character's file has them, and the masks NAME.inside,

@@ -21,9 +21,9 @@ from uvcloth.commands.options import (
     Quality,
     Tucks,
 )
-from uvcloth.files.options import Between, Several, Source
+from uvcloth.files.options import Between, InputPath, Several
 
-PHOTOGRAPH = Source((".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp"))
+PHOTOGRAPH = InputPath((".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp"))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from tyro.conf import Positional, arg
 
 from uvcloth.commands.command import Command
 from uvcloth.commands.options import MOTION, NPZ, BodyFile, Garments, Host, Port, Threads
-from uvcloth.files.options import Several, Source
+from uvcloth.files.options import InputPath, Several
 from uvcloth.methods.registry import DEFAULT, METHODS
 
 
@@ -30,7 +30,7 @@ class View(Command):
             f"{', '.join(METHODS)}; or one of these names. The first is shown first.",
             help_behavior_hint=f"(default: {DEFAULT})",
         ),
-        Source(kind="folder", names=lambda: tuple(METHODS)),
+        InputPath(kind="folder", names=lambda: tuple(METHODS)),
         Several(),
     ] = ()
     body: BodyFile = None

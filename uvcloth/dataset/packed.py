@@ -41,7 +41,7 @@ from uvcloth.files.json_file import parse_json, require_kinds
 from uvcloth.formats.spectral import (
     MOST_POINTS,
     CodedPoints,
-    Part,
+    Patch,
     code_points,
     decode_points,
     part_spectra,
@@ -95,7 +95,7 @@ class GarmentMesh:
 
     faces: Tensor
     rest: Tensor
-    parts: tuple[Part, ...]
+    parts: tuple[Patch, ...]
 
 
 class PackedFolder:

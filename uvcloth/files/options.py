@@ -107,7 +107,7 @@ class Text:
 
 
 @dataclass(frozen=True)
-class Source:
+class InputPath:
     """Something to read: a file of one of the suffixes (() for any), a folder, or either; or one of the names
     of what is in the package.
     """

@@ -36,7 +36,7 @@ REFERENCES = 1 << 40
 """More references than a conversion uses up."""
 
 
-class Document:
+class GltfBuilder:
     """A glTF document that grows, and its binary chunk."""
 
     def __init__(self) -> None:
@@ -85,7 +85,7 @@ def main(path: Path) -> None:
     )
     for thing in (None, True, False, *_each(scene.elements)):
         _keep(thing)
-    document = Document()
+    document = GltfBuilder()
     nodes = _each(scene.nodes)
     number = {node.typed_id: index for index, node in enumerate(nodes)}
     for node in nodes:
@@ -173,7 +173,7 @@ def _clusters(scene: Any) -> Iterator[Any]:
                 yield cluster
 
 
-def _material(document: Document, path: Path, material: Any) -> dict[str, Any]:
+def _material(document: GltfBuilder, path: Path, material: Any) -> dict[str, Any]:
     base = material.pbr.base_color
     rough: dict[str, Any] = {"baseColorFactor": list(base.value_vec4)}
     texture = base.texture
@@ -199,7 +199,7 @@ def _image(path: Path, content: bytes, name: str) -> bytes | str:
 
 
 def _add_meshes(
-    document: Document, scene: Any, nodes: list[Any], number: dict[int, int], joints: list[int]
+    document: GltfBuilder, scene: Any, nodes: list[Any], number: dict[int, int], joints: list[int]
 ) -> None:
     """Add the mesh of every node that has one, and its skin."""
     materials = {material.element_id: index for index, material in enumerate(_each(scene.materials))}
@@ -229,7 +229,7 @@ def _add_meshes(
 
 
 def _mesh(
-    document: Document, mesh: Any, materials: list[int], influences: list[tuple[np.ndarray, np.ndarray]]
+    document: GltfBuilder, mesh: Any, materials: list[int], influences: list[tuple[np.ndarray, np.ndarray]]
 ) -> dict[str, Any]:
     """A mesh of one primitive for each material; a vertex on a seam of the texture is doubled."""
     ranges = _array(mesh.faces).astype(np.int64).reshape(-1, 2)
@@ -289,7 +289,7 @@ def _influences(vertices: int, clusters: list[Any], owners: list[int]) -> list[t
 
 
 def _add_animation(
-    document: Document, scene: Any, stack: Any, nodes: list[Any], number: dict[int, int], joints: list[int]
+    document: GltfBuilder, scene: Any, stack: Any, nodes: list[Any], number: dict[int, int], joints: list[int]
 ) -> None:
     """Add an animation: the transforms of the joints and of their ancestors at the rate of the file."""
     moving = sorted({node for joint in joints for node in _way(nodes[joint], number)})

@@ -12,7 +12,7 @@ import torch
 from uvcloth.errors import InputError
 from uvcloth.formats.gltf import Gltf, decode_data, read_gltf, require_few
 from uvcloth.formats.gltf_rig import read_rig
-from uvcloth.formats.materials import Pictures
+from uvcloth.formats.materials import TextureFiles
 from uvcloth.formats.size import refuse_too_many
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, Texture, UvSet
 from uvcloth.player.gltf_file import one_line
@@ -175,7 +175,7 @@ def _colors(values: np.ndarray) -> np.ndarray:
 def _materials(gltf: Gltf, sets: int) -> tuple[tuple[SurfaceMaterial, ...], tuple[str, ...]]:
     """Materials of a file with `sets` sets of texture coordinates, and the pictures that are missing."""
     materials, missing = [], []
-    pictures = Pictures(gltf.path.parent)
+    pictures = TextureFiles(gltf.path.parent)
     textures: dict[int, Texture | None] = {}
     for index, entry in enumerate(gltf.entries("materials")):
         rough = entry.get("pbrMetallicRoughness", {})
@@ -199,7 +199,7 @@ def _materials(gltf: Gltf, sets: int) -> tuple[tuple[SurfaceMaterial, ...], tupl
     return tuple(materials), (*missing, *pictures.missing)
 
 
-def _texture(gltf: Gltf, pictures: Pictures, index: int) -> Texture | None:
+def _texture(gltf: Gltf, pictures: TextureFiles, index: int) -> Texture | None:
     """An image of a file, None if it is not there or of another kind than PNG and JPEG."""
     image = gltf.entries("images")[index]
     uri = image.get("uri", "")

@@ -22,7 +22,7 @@ def read_text(path: Path) -> list[str]:
     return text.replace("\\\n", " ").splitlines()
 
 
-class Pictures:
+class TextureFiles:
     """Picture files that materials name, each read once: in the folder `root` or below, and nowhere else.
 
     missing: pictures and material files that do not exist, or lie elsewhere.
@@ -57,7 +57,7 @@ class Pictures:
         return None if path is None else self._read.get(path)
 
 
-def read_libraries(pictures: Pictures, names: Iterable[str]) -> dict[str, SurfaceMaterial]:
+def read_libraries(pictures: TextureFiles, names: Iterable[str]) -> dict[str, SurfaceMaterial]:
     """Read the materials of .mtl files in the root of the pictures, by name; missing files are left out."""
     paths = [pictures.file(pictures.root, name) for name in dict.fromkeys(names)]
     materials: dict[str, SurfaceMaterial] = {}
@@ -72,7 +72,7 @@ def read_libraries(pictures: Pictures, names: Iterable[str]) -> dict[str, Surfac
     return materials
 
 
-def read_mhmat(pictures: Pictures, name: str) -> SurfaceMaterial | None:
+def read_mhmat(pictures: TextureFiles, name: str) -> SurfaceMaterial | None:
     """Read a material of MakeHuman in the root of the pictures, None if it is missing."""
     path = pictures.file(pictures.root, name)
     if path is None:
@@ -95,7 +95,9 @@ def _words(path: Path) -> Iterator[list[str]]:
             yield words
 
 
-def _with(material: SurfaceMaterial, words: list[str], folder: Path, pictures: Pictures) -> SurfaceMaterial:
+def _with(
+    material: SurfaceMaterial, words: list[str], folder: Path, pictures: TextureFiles
+) -> SurfaceMaterial:
     """The material, changed by a line of a file in `folder`."""
     try:
         match words:

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from uvcloth.errors import InputError, cause
-from uvcloth.formats.materials import Pictures, read_libraries, read_text
+from uvcloth.formats.materials import TextureFiles, read_libraries, read_text
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, UvSet
 
 LARGEST_INDEX = 2**31
@@ -74,7 +74,7 @@ def read_obj(path: Path) -> AuthoredMesh:
         if indices.size and not (-1 if kind == "vt" else 0) <= indices.min() <= indices.max() < count:
             raise InputError(f"{path}: a face refers to a {kind} that the file does not have")
     textured = len(texture) > 0 and bool((pairs[:, 1] >= 0).all())
-    pictures = Pictures(path.parent)
+    pictures = TextureFiles(path.parent)
     materials = read_libraries(pictures, libraries)
     polygons = Polygons(
         sizes=np.array(sizes, dtype=np.int64),

@@ -38,7 +38,7 @@ UNEVENNESS = 0.4
 
 
 @dataclass(frozen=True)
-class Part:
+class Patch:
     """Part of a mesh: points (n,), indices in the mesh, and waves (n, n), its spectrum as columns."""
 
     points: np.ndarray
@@ -79,7 +79,7 @@ def second_half(faces: np.ndarray, count: int) -> np.ndarray:
     return second
 
 
-def part_spectra(faces: np.ndarray, second: np.ndarray) -> tuple[Part, ...]:
+def part_spectra(faces: np.ndarray, second: np.ndarray) -> tuple[Patch, ...]:
     """Spectra of the two halves of a mesh with faces (M, 3), without a half that has no points.
 
     second: (N,) flags of the points of the second half. Long waves come first. Edges have different weights,
@@ -91,11 +91,11 @@ def part_spectra(faces: np.ndarray, second: np.ndarray) -> tuple[Part, ...]:
         points = np.flatnonzero(half)
         if len(points):
             place = np.cumsum(half) - 1
-            parts.append(Part(points, _spectrum(place[edges[half[edges].all(axis=1)]], len(points))))
+            parts.append(Patch(points, _spectrum(place[edges[half[edges].all(axis=1)]], len(points))))
     return tuple(parts)
 
 
-def code_points(points: np.ndarray, parts: tuple[Part, ...], error: float) -> CodedPoints:
+def code_points(points: np.ndarray, parts: tuple[Patch, ...], error: float) -> CodedPoints:
     """Code points (F, N, 3) m of a mesh in the coarsest steps that a mean error, m, allows.
 
     The mean distance from the original points is at most `error`; 99 % of the distances are at most
@@ -126,7 +126,7 @@ def code_points(points: np.ndarray, parts: tuple[Part, ...], error: float) -> Co
 
 
 def decode_points(
-    coded: CodedPoints, parts: tuple[Part, ...], error: float, frames: int, count: int
+    coded: CodedPoints, parts: tuple[Patch, ...], error: float, frames: int, count: int
 ) -> np.ndarray:
     """Decode points (F, N, 3) m, float64, that `code_points` coded with the same mean error.
 
@@ -159,7 +159,7 @@ def _spectrum(edges: np.ndarray, count: int) -> np.ndarray:
     return np.copysign(1.0, (_series(count) - 0.5) @ vectors) * vectors
 
 
-def _in_space(points: np.ndarray, parts: tuple[Part, ...]) -> np.ndarray:
+def _in_space(points: np.ndarray, parts: tuple[Patch, ...]) -> np.ndarray:
     """Coefficients (F, K, 3 P) of points (F, N, 3); those that a part lacks are zero."""
     frames, longest = len(points), max(len(part.points) for part in parts)
     coefficients = np.zeros((frames, longest, 3 * len(parts)))
@@ -170,7 +170,7 @@ def _in_space(points: np.ndarray, parts: tuple[Part, ...]) -> np.ndarray:
     return coefficients
 
 
-def _from_steps(steps: np.ndarray, step: float, parts: tuple[Part, ...], count: int) -> np.ndarray:
+def _from_steps(steps: np.ndarray, step: float, parts: tuple[Patch, ...], count: int) -> np.ndarray:
     """Points (F, N, 3) of coefficients (F, K, 3 P) in steps, low frequencies first."""
     frames = len(steps)
     in_space, points = _out_of_time(steps * step), np.empty((frames, count, 3))

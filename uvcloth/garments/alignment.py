@@ -171,7 +171,7 @@ class Alignment:
 
 
 @dataclass(frozen=True)
-class Lying:
+class PlacementError:
     """Misfit of a garment at rest, m, see `align`; off_limbs: the part of it for openings that do not go
     around bones.
     """
@@ -193,7 +193,7 @@ class Places:
         return Places(self.up[rows], self.turn[rows], self.scale[rows], self.shift[rows])
 
 
-class Standing:
+class StancedBody:
     """A body in a stance, as garments are compared with it."""
 
     def __init__(self, body: Body, stance: Stance) -> None:
@@ -216,7 +216,7 @@ class Standing:
         return BodySurface(self.body.mesh.vertices, self.body.mesh.faces)
 
 
-class Comparison:
+class AlignmentCost:
     """Cost of lying somewhere on a body, for a garment whose coordinates are relative to its centre."""
 
     def __init__(self, mesh: Mesh, body: Body) -> None:
@@ -235,11 +235,11 @@ class Comparison:
         self.floor, top = body.mesh.vertices[:, 2].aminmax()
         self.height = float(top - self.floor)
 
-    def cost(self, places: Places, standing: Standing, count: int) -> Tensor:
+    def cost(self, places: Places, standing: StancedBody, count: int) -> Tensor:
         """Metres (K,) by which a garment is off, more where it is unusual."""
         return self.misfit(places, standing, count) + self._unusual(places)
 
-    def misfit(self, places: Places, standing: Standing, count: int) -> Tensor:
+    def misfit(self, places: Places, standing: StancedBody, count: int) -> Tensor:
         """Metres (K,) by which a garment is off: its cloth, its openings, and its middle."""
         frames, cloth = self.frames(places), self.cloth[count]
         points = self.placed(places, cloth.points)
@@ -249,7 +249,7 @@ class Comparison:
             self._lying(points, normals, standing) + SIDE_COST * beside + self.opening_cost(places, standing)
         )
 
-    def _lying(self, points: Tensor, normals: Tensor, standing: Standing) -> Tensor:
+    def _lying(self, points: Tensor, normals: Tensor, standing: StancedBody) -> Tensor:
         """Metres (K,) by which cloth (K, P, 3) does not lie as clothes lie; see `misfit`."""
         skin = standing.surface.closest(points.reshape(-1, 3), SEARCH_DISTANCE)
         distance = skin.signed_distance
@@ -261,7 +261,7 @@ class Comparison:
         bare = (1.0 - clothed / CLOTHED_SHARE).clamp(min=0.0)
         return cost.reshape(points.shape[:2]).mean(1) + BARE_COST * bare
 
-    def opening_cost(self, places: Places, standing: Standing, held: float = HELD) -> Tensor:
+    def opening_cost(self, places: Places, standing: StancedBody, held: float = HELD) -> Tensor:
         """Metres (K,) by which the openings do not go around bones, which may be off by `held`."""
         openings = self.boundaries
         if not len(openings.radii):
@@ -359,12 +359,12 @@ class Comparison:
         return Alignment(list(UPS)[int(place.up)], turn, float(place.scale), (x, y, z), stance, misfit)
 
 
-def lying(mesh: Mesh, body: Body) -> Lying:
+def lying(mesh: Mesh, body: Body) -> PlacementError:
     """Measure how a garment in metres lies on a body at rest."""
-    comparison, standing = Comparison(mesh, body), Standing(body, REST)
+    comparison, standing = AlignmentCost(mesh, body), StancedBody(body, REST)
     upright, centre = torch.tensor([list(UPS).index("Z")]), comparison.centre.float()
     here = Places(upright, torch.zeros(1), torch.ones(1), centre[None])
-    return Lying(
+    return PlacementError(
         float(comparison.misfit(here, standing, POINTS)), float(comparison.opening_cost(here, standing))
     )
 
@@ -383,15 +383,15 @@ def align(mesh: Mesh, body: Body, known: Known = UNKNOWN, arms: float | None = N
     around bones and where other regions than CLOTHED are covered. What is unusual in files is searched less.
     known: what is not searched. arms: degrees below the horizontal at which they are held, None to search it.
     """
-    return search(Comparison(mesh, body), body, known, arms)
+    return search(AlignmentCost(mesh, body), body, known, arms)
 
 
 def search(
-    comparison: Comparison, body: Body, known: Known = UNKNOWN, arms: float | None = None
+    comparison: AlignmentCost, body: Body, known: Known = UNKNOWN, arms: float | None = None
 ) -> Alignment:
     """Find the alignment whose cost is least; known, arms: as `align` takes them."""
     tried = [stance for stance in stances(body) if arms is None or stance.arms == arms]
-    standing = {stance: Standing(body, stance) for stance in tried}
+    standing = {stance: StancedBody(body, stance) for stance in tried}
     first = [each for each in standing.values() if each.stance.legs in (None, LEGS[0])]
     starts = comparison.starts(known)
     around = torch.stack([comparison.opening_cost(starts, each, 0.0) for each in first])
@@ -424,7 +424,7 @@ def search(
 
 
 def _refined(
-    comparison: Comparison, start: Places, standing: Standing, known: Known, count: int, narrow: float
+    comparison: AlignmentCost, start: Places, standing: StancedBody, known: Known, count: int, narrow: float
 ) -> "_Refined":
     """The place near one, (1,), at which the cost is least, by the cross-entropy method."""
     generator = torch.Generator().manual_seed(0)
@@ -449,7 +449,7 @@ class _Refined:
     """A place (1,), the body that it is on, and its cost, m, with that of an unusual stance."""
 
     place: Places
-    standing: Standing
+    standing: StancedBody
     least: float
 
     @property
@@ -459,7 +459,7 @@ class _Refined:
 
 
 def _best_stance(
-    comparison: Comparison, start: _Refined, standing: dict[Stance, Standing], known: Known
+    comparison: AlignmentCost, start: _Refined, standing: dict[Stance, StancedBody], known: Known
 ) -> _Refined:
     """The stance that fits best: arms first, then legs, each refined where it starts well."""
     best = start

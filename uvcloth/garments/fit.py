@@ -19,7 +19,7 @@ from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
 from uvcloth.garments.on_character import CharacterFrame
 from uvcloth.garments.pose import POSES, REST, arms_held, limbs_held, other_pose, posed_body, unposed
-from uvcloth.garments.relaxation import Settled, settle
+from uvcloth.garments.relaxation import Relaxed, settle
 from uvcloth.garments.transfer import transfer
 from uvcloth.geometry.authored import AuthoredMesh, follow_triangles
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
@@ -222,7 +222,7 @@ def _settled(path: Path, mesh: Mesh, diagnosis: Diagnosis, body: Body) -> tuple[
     return placed, replace(after, pose=diagnosis.pose, fitting=(*diagnosis.way, settled.text()))
 
 
-def _is_bent(settled: Settled) -> bool:
+def _is_bent(settled: Relaxed) -> bool:
     """Test for a garment that settling would stretch or move too far."""
     return settled.off > MOST_STRETCHED or float(settled.distances.max()) > FARTHEST_SETTLED
 

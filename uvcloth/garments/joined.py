@@ -13,7 +13,7 @@ from uvcloth.geometry.mesh import flat_faces, weld
 
 
 @dataclass(frozen=True)
-class Cloth:
+class EngineMesh:
     """A garment for an engine.
 
     kept: (n,) the vertices of the garment's mesh that are simulated, one where several are at one place.
@@ -34,7 +34,7 @@ class Cloth:
         return torch.where((self.places < 0)[:, None], skinned, simulated[:, self.places])
 
 
-def join(garment: Garment, body: Body) -> Cloth:
+def join(garment: Garment, body: Body) -> EngineMesh:
     """Join a garment for simulation.
 
     Raises InputError if it has no hem that holds it, or a face without an area.
@@ -51,4 +51,4 @@ def join(garment: Garment, body: Body) -> Cloth:
     kept, faces = owner[mesh.faces].unique(return_inverse=True)
     places = torch.full_like(owner, -1)
     places[kept] = torch.arange(len(kept))
-    return Cloth(garment, holding_band(garment, body), kept, places[owner], faces)
+    return EngineMesh(garment, holding_band(garment, body), kept, places[owner], faces)

@@ -16,7 +16,7 @@ from torch import Tensor
 from uvcloth.bodies.body import BASE_MESH, Body
 from uvcloth.errors import InputError, cause
 from uvcloth.files.reading import file_below
-from uvcloth.formats.materials import Pictures, read_mhmat, read_text
+from uvcloth.formats.materials import TextureFiles, read_mhmat, read_text
 from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.geometry.authored import AuthoredMesh
 from uvcloth.geometry.mesh import Mesh
@@ -105,7 +105,7 @@ def _with_material(mesh: Mesh, folder: Path, name: str) -> Mesh:
     """The mesh all of one material, or as it is, with a note, where its file is not there."""
     if not isinstance(mesh, AuthoredMesh):
         return mesh
-    pictures = Pictures(folder)
+    pictures = TextureFiles(folder)
     material = read_mhmat(pictures, name)
     polygons = replace(mesh.polygons, missing=(*mesh.polygons.missing, *pictures.missing))
     if material is not None:

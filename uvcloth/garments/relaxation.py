@@ -27,7 +27,7 @@ LARGEST_STEP = 0.01
 
 
 @dataclass(frozen=True)
-class Settled:
+class Relaxed:
     """Vertices (N, 3) m of a garment, distances (N,) m from the start, and edges (E,) over their length."""
 
     vertices: Tensor
@@ -55,7 +55,7 @@ class Ease:
     most: Tensor
 
 
-def settle(start: Tensor, faces: Tensor, natural: Tensor, body: Body, ease: Ease | None = None) -> Settled:
+def settle(start: Tensor, faces: Tensor, natural: Tensor, body: Body, ease: Ease | None = None) -> Relaxed:
     """Settle a garment at (N, 3) m on a body; natural: (N, 3) m, where its edges have their length.
 
     ease: None for no less than CLEARANCE. Vertices at one place in `natural` stay together.
@@ -82,4 +82,4 @@ def settle(start: Tensor, faces: Tensor, natural: Tensor, body: Body, ease: Ease
         vertices = vertices + (wanted - skin.signed_distance)[:, None] * skin.normals
     edges = unique_edges(owner[faces])
     stretch = edge_lengths(vertices, edges) / edge_lengths(natural, edges).clamp(min=1e-6)
-    return Settled(vertices[owner], (vertices - start).norm(dim=1), stretch)
+    return Relaxed(vertices[owner], (vertices - start).norm(dim=1), stretch)

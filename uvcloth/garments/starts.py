@@ -15,7 +15,7 @@ TOLERANCE = 0.002
 
 
 @dataclass(frozen=True)
-class Start:
+class StartFaults:
     """Vertices (N,) bool of a garment inside the body, and beneath a garment that it is worn over."""
 
     inside: Tensor
@@ -27,8 +27,8 @@ class Start:
         return self.inside | self.beneath
 
 
-def starts(meshes: Sequence[Mesh], body: Body) -> tuple[Start, ...]:
+def starts(meshes: Sequence[Mesh], body: Body) -> tuple[StartFaults, ...]:
     """The starts of meshes that are worn on a body over each other, the innermost first."""
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
     inside = [surface.closest(mesh.vertices).signed_distance < -TOLERANCE for mesh in meshes]
-    return tuple(map(Start, inside, crossing(meshes, surface)))
+    return tuple(map(StartFaults, inside, crossing(meshes, surface)))

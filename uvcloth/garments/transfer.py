@@ -16,10 +16,10 @@ from uvcloth.characters.registration import limbs_of, register
 from uvcloth.characters.shape import SkinnedSurface
 from uvcloth.errors import InputError
 from uvcloth.formats.mesh_file import read_mesh
-from uvcloth.garments.alignment import UNKNOWN, Alignment, Comparison, Known, Places, Standing, search
+from uvcloth.garments.alignment import UNKNOWN, Alignment, AlignmentCost, Known, Places, StancedBody, search
 from uvcloth.garments.placing import ACROSS_COST, SEARCH_DISTANCE, lies_along
 from uvcloth.garments.pose import REST, limbs_held, posed_body, unposed
-from uvcloth.garments.relaxation import Ease, Settled, settle
+from uvcloth.garments.relaxation import Ease, Relaxed, settle
 from uvcloth.geometry.mesh import Mesh, edge_lengths, neighbour_average, unique_edges, weld
 from uvcloth.physics.surface import BodySurface, closest_points
 
@@ -54,13 +54,13 @@ class Transferred:
 
     mesh: Mesh
     alignment: Alignment
-    settled: Settled
+    settled: Relaxed
 
 
-class _BodyComparison(Comparison):
+class _BodyComparison(AlignmentCost):
     """Distance between two bodies' surfaces, for another body somewhere on ours."""
 
-    def cost(self, places: Places, standing: Standing, count: int) -> Tensor:
+    def cost(self, places: Places, standing: StancedBody, count: int) -> Tensor:
         """Mean distance (K,) m of another body's surface from ours, more where their normals differ."""
         cloth = self.cloth[count]
         points = self.placed(places, cloth.points)

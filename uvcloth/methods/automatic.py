@@ -19,26 +19,28 @@ INSTEAD = ("physxnet", "lbs_smooth")
 
 
 @dataclass(frozen=True)
-class Choice:
+class ModelChoice:
     """Name of a model, and a line on what was taken and why."""
 
     model: str
     line: str
 
 
-def choose_model(outfit: Outfit) -> Choice:
+def choose_model(outfit: Outfit) -> ModelChoice:
     """Choose the model that moves all garments of an outfit."""
     fault = unheld_reason(outfit)
     if not fault:
-        return Choice(DEFAULT, f"model {DEFAULT}: every garment has a hem that holds it")
+        return ModelChoice(DEFAULT, f"model {DEFAULT}: every garment has a hem that holds it")
     for name in INSTEAD[:-1]:
         try:
             if not load_method(name, outfit.body).unsupported_reason(outfit):
-                return Choice(name, f"model {name}: not {DEFAULT}, {fault}")
+                return ModelChoice(name, f"model {name}: not {DEFAULT}, {fault}")
         except InputError:
             # A shipped model may be of another skeleton than this body's.
             continue
-    return Choice(INSTEAD[-1], f"model {INSTEAD[-1]}: not {DEFAULT}, {fault}; no trained model has this body")
+    return ModelChoice(
+        INSTEAD[-1], f"model {INSTEAD[-1]}: not {DEFAULT}, {fault}; no trained model has this body"
+    )
 
 
 def named_models(models: Sequence[str], outfit: Outfit) -> tuple[tuple[str, ...], str | None]:

@@ -24,7 +24,7 @@ from uvcloth.motion.gltf import ANIMATED, read_gltf_motion
 from uvcloth.motion.guess import find_roles
 from uvcloth.motion.options import FPS_RANGE, MotionOptions
 from uvcloth.motion.posture import check_posture
-from uvcloth.motion.rest import ZERO_POSE, Rest, find_rest
+from uvcloth.motion.rest import ZERO_POSE, ClipFromRest, find_rest
 from uvcloth.motion.retarget import require_limbs, required_roles, retarget
 from uvcloth.motion.roles import read_role_map
 
@@ -64,7 +64,7 @@ class MotionSource:
 
     clip: Clip
     roles: Mapping[str, int]
-    rest: Rest
+    rest: ClipFromRest
 
 
 def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEFAULTS) -> Clip:
@@ -96,7 +96,7 @@ def _load_whole(body: Body, name: str, options: MotionOptions) -> Clip:
 _load_builtin = once_per_body(_load_whole)
 
 
-def _up_is_known(path: Path, rest: Rest) -> bool:
+def _up_is_known(path: Path, rest: ClipFromRest) -> bool:
     """Test for a scene whose up axis, Y by its format, is that of a rest pose in the file."""
     return path.suffix.lower() in ANIMATED and rest.origin == ZERO_POSE and rest.up == "+y"
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from uvcloth.errors import InputError
-from uvcloth.files.options import Between, Source, Text
+from uvcloth.files.options import Between, InputPath, Text
 
 FPS_RANGE = (1.0, 1000.0)
 """Least and greatest frame rate of a motion, frames per second."""
@@ -25,7 +25,9 @@ class MotionOptions:
     ] = None
     """Axis of the file that points up. With it, the check that the person stands is left out."""
     joints: Annotated[
-        Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)"), Source((".json",))
+        Path | None,
+        arg(metavar="JSON", help_behavior_hint="(default: by their names)"),
+        InputPath((".json",)),
     ] = None
     """Roles of joints, {"hips": "Pelvis", ...}; `uvcloth motion FILE` lists the roles."""
     animation: Annotated[str | None, arg(metavar="NAME|N", help_behavior_hint="(default: the first)")] = None

@@ -53,7 +53,7 @@ LEAST_BEND = 0.05
 
 
 @dataclass(frozen=True)
-class Rest:
+class ClipFromRest:
     """A clip relative to a standing rest pose.
 
     origin: where that pose comes from. up: axis along which the motion stands, "+y" and the like.
@@ -66,7 +66,7 @@ class Rest:
 
 def find_rest(
     clip: Clip, roles: Roles, body: Body, up: str | None = None, rest_frame: int | None = None
-) -> Rest:
+) -> ClipFromRest:
     """Find the rest pose in which the person stands, and the clip relative to it, in the file's axes.
 
     The pose is that of a named frame; else the zero pose, if it stands as one does at rest: along the axes,
@@ -85,14 +85,16 @@ def find_rest(
     up_axis = _named_axis(up) if up else None
     if resting is None:
         axis = _motion_axis(positions, roles) if up_axis is None else up_axis
-        return Rest(
+        return ClipFromRest(
             rebase(clip, _estimate(thinned, positions, roles, body, axis)), "the motion", axis_name(axis)
         )
     axis = _motion_axis_beside(resting, positions, roles) if up_axis is None else up_axis
     if float(axis @ resting) > 0.5:
-        return Rest(clip, ZERO_POSE, axis_name(axis))
+        return ClipFromRest(clip, ZERO_POSE, axis_name(axis))
     turned = smallest_rotation(resting, axis).expand(len(clip.skeleton.names), 3, 3)
-    return Rest(rebase(clip, turned), f"{ZERO_POSE}, turned from {axis_name(resting)} up", axis_name(axis))
+    return ClipFromRest(
+        rebase(clip, turned), f"{ZERO_POSE}, turned from {axis_name(resting)} up", axis_name(axis)
+    )
 
 
 def rebase(clip: Clip, rest: Tensor) -> Clip:
@@ -161,7 +163,7 @@ def _named_axis(name: str) -> Tensor:
     return torch.eye(3)["xyz".index(name)]
 
 
-def _from_frame(clip: Clip, roles: Roles, frame: int) -> Rest:
+def _from_frame(clip: Clip, roles: Roles, frame: int) -> ClipFromRest:
     if not 0 <= frame < len(clip):
         raise InputError(f"--rest-frame {frame}: the file has the frames 0 to {len(clip) - 1}")
     pose = rebase(clip, clip.rotations[frame]).skeleton
@@ -174,7 +176,7 @@ def _from_frame(clip: Clip, roles: Roles, frame: int) -> Rest:
     across = pose.heads[roles["left_thigh"]] - pose.heads[roles["right_thigh"]]
     level = unit(across - (across @ up) * up)
     facing_axis = smallest_rotation(level, nearest_axis(level))
-    return Rest(rebase(clip, facing_axis @ clip.rotations[frame]), f"frame {frame}", axis_name(up))
+    return ClipFromRest(rebase(clip, facing_axis @ clip.rotations[frame]), f"frame {frame}", axis_name(up))
 
 
 def _upright_shares(positions: Tensor, roles: Roles) -> Tensor:

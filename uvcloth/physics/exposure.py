@@ -14,7 +14,7 @@ from rasterize.gather import gather
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import JoinedMesh, Mesh, face_normals
 from uvcloth.physics.shell import Shell
-from uvcloth.physics.visibility import Onlooker
+from uvcloth.physics.visibility import VisibilityTest
 from uvcloth.player.opening import in_tiles
 from uvcloth.player.shell import sample
 
@@ -116,7 +116,7 @@ class Exposure:
         self.covered = everywhere.subset(covered)
         self._order = self.covered.in_tiles(body.mesh.vertices)
         self._followed = self.covered.subset(self._order)
-        self._onlooker = Onlooker((self._cloth, self._body))
+        self._onlooker = VisibilityTest((self._cloth, self._body))
 
     def shown(self, garments: Sequence[Tensor], body_vertices: Tensor) -> ShownSkin:
         """Covered points of a posed body (V, 3) m that show through garments (N, 3) m."""

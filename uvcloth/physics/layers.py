@@ -16,7 +16,7 @@ COVERING_COSINE = 0.7
 
 
 @dataclass(frozen=True)
-class Beside:
+class LayerDistance:
     """Closest points of an inner garment for N points.
 
     faces: (N,) int64, the closest face, -1 where none covers the point. distance: (N,) m along its normals,
@@ -50,7 +50,7 @@ class Layer:
         self._normals.copy_(vertex_normals(self.points, self.faces))
         self._moving.move(self.points.cpu().numpy())
 
-    def beside(self, points: Tensor, reach: float = LAYER_SEARCH_DISTANCE) -> Beside:
+    def beside(self, points: Tensor, reach: float = LAYER_SEARCH_DISTANCE) -> LayerDistance:
         """Closest places of the garment for points (N, 3) m, no farther than reach, m."""
         points = points.detach().float()
         faces, weights = (
@@ -62,7 +62,7 @@ class Layer:
         away = points - (shares * self.points[corners]).sum(1)
         along = (away * direction).sum(1)
         covered = (faces >= 0) & (along.abs() >= COVERING_COSINE * away.norm(dim=1))
-        return Beside(faces.long().where(covered, -1), along, direction)
+        return LayerDistance(faces.long().where(covered, -1), along, direction)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import Collider, compact, make_collider, touch_bits
-from uvcloth.bodies.opened import Opening, make_opening
+from uvcloth.bodies.opened import ColliderOpening, make_opening
 from uvcloth.bodies.stature import beside_adults
 from uvcloth.geometry.mesh import JoinedMesh, Mesh, WeldedMesh, join_meshes, welded
 from uvcloth.physics.cloth.body import Body as SolidBody
@@ -62,7 +62,7 @@ class OutfitClearing:
     size: float
     meshes: tuple[WeldedMesh, ...]
     closed: Collider
-    opening: Opening
+    opening: ColliderOpening
     met: Tensor
     used: Tensor
     sections: Mapping[str, NDArray[Any]]

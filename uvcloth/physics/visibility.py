@@ -27,7 +27,7 @@ FEW = 8
 """Points that are looked at from all directions at once: a turn takes as long as some hundred rays."""
 
 
-class Onlooker:
+class VisibilityTest:
     """A person who walks around a body and its garments, the shells that hide points."""
 
     def __init__(self, shells: Sequence[Shell]) -> None:

@@ -40,7 +40,7 @@ def no_pairs() -> Pairs:
 
 
 @dataclass(frozen=True)
-class Searched:
+class ContactCache:
     """Results of the searches of a frame for the next one, for each of K parts and N vertices of cloth.
 
     faces: (K, N) the closest face, -1 for none. clear: (K, N) m, a distance within which there is none.
@@ -50,9 +50,9 @@ class Searched:
     clear: Floats
 
 
-def nothing_searched(parts: int, vertices: int) -> Searched:
+def nothing_searched(parts: int, vertices: int) -> ContactCache:
     """Search results before the first frame."""
-    return Searched(np.full((parts, vertices), -1, np.int32), np.zeros((parts, vertices), np.float32))
+    return ContactCache(np.full((parts, vertices), -1, np.int32), np.zeros((parts, vertices), np.float32))
 
 
 class MotionFields(ctypes.Structure):
@@ -96,8 +96,8 @@ class ClothSolver:
         positions: Floats,
         velocities: Floats,
         pairs: Pairs,
-        searched: Searched,
-    ) -> tuple[Floats, Floats, Pairs, Searched, int] | None:
+        searched: ContactCache,
+    ) -> tuple[Floats, Floats, Pairs, ContactCache, int] | None:
         """Move positions (N, 3) m and velocities (N, 3) m/s through a frame.
 
         arrays, numbers, drift: the fields of uvc_motion by their names. Returns what comes after and the
@@ -140,7 +140,7 @@ class ClothSolver:
             core.uvc_free_pairs(handle)
         if substeps < 0:
             raise ValueError(message.value.decode())
-        return (places, speeds, after, Searched(faces, clear), substeps) if substeps else None
+        return (places, speeds, after, ContactCache(faces, clear), substeps) if substeps else None
 
 
 def _pairs(core: ctypes.CDLL, handle: ctypes.c_void_p) -> Pairs:

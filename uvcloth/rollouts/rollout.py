@@ -21,7 +21,7 @@ from uvcloth.methods.method import Method
 if TYPE_CHECKING:
     from uvcloth.garments.proxy import ProxiedOutfit
     from uvcloth.physics.outfit_clearing import OutfitClearing
-    from uvcloth.physics.visibility import Onlooker
+    from uvcloth.physics.visibility import VisibilityTest
 
 LONGEST, TORN = 4.0, 0.01
 """A garment is torn when more than the share TORN of its edges is longer than LONGEST times its rest length.
@@ -373,7 +373,7 @@ class EdgeLimits:
         self.edges = [unique_edges(mesh.faces) for mesh in meshes]
         self.lengths = [edge_lengths(m.vertices, edges) for m, edges in zip(meshes, self.edges, strict=True)]
         self._faces = [outfit.body.mesh.faces, *(mesh.faces for mesh in meshes)]
-        self._onlooker: Onlooker | None = None
+        self._onlooker: VisibilityTest | None = None
 
     def not_finite(self, garments: tuple[Tensor, ...]) -> dict[int, str]:
         """A message on each garment that is not finite, by its place in the outfit."""
@@ -403,7 +403,7 @@ class EdgeLimits:
         now: (E,) m of each garment (N, 3) m, as `measured` gives them.
         """
         from uvcloth.physics.shell import Shell
-        from uvcloth.physics.visibility import Onlooker
+        from uvcloth.physics.visibility import VisibilityTest
 
         middles = []
         for measured, vertices, edges, lengths in zip(now, garments, self.edges, self.lengths, strict=True):
@@ -418,6 +418,6 @@ class EdgeLimits:
         meshes = [body_vertices, *garments]
         if self._onlooker is None:
             shells = tuple(Shell(*mesh) for mesh in zip(meshes, self._faces, strict=True))
-            self._onlooker = Onlooker(shells)
+            self._onlooker = VisibilityTest(shells)
         self._onlooker.update(meshes)
         return self._onlooker.sees_any(points)

@@ -23,7 +23,7 @@ from uvcloth.dataset.folder import (
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import require_there, sole_writer
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.joined import Cloth, join
+from uvcloth.garments.joined import EngineMesh, join
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.garments.untangling import untangle
@@ -164,7 +164,7 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
             bar.print_progress()
 
 
-def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, ...]]:
+def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[EngineMesh, ...]]:
     """Load the garments, untangled and ready to simulate. Raises InputError also if two have one name.
 
     Names that differ only in capitals count as the same: on Windows and macOS their files are the same.

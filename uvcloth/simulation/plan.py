@@ -11,7 +11,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.dataset.folder import is_finished
 from uvcloth.errors import InputError
 from uvcloth.files.fields import require_file_name
-from uvcloth.garments.joined import Cloth
+from uvcloth.garments.joined import EngineMesh
 from uvcloth.motion.capture import find_jump, find_standstill
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import Entry, clip_file, read_index
@@ -34,7 +34,7 @@ class Job:
     motion: Clip
     warm_up: int
     body: Body
-    cloths: tuple[Cloth, ...]
+    cloths: tuple[EngineMesh, ...]
     targets: tuple[Path, ...]
     fabric: Fabric | None = None
     member: int = 0
@@ -124,7 +124,7 @@ def _spread(entries: Sequence[Entry], group: Callable[[Entry], Hashable]) -> lis
 
 def plan(
     sources: Sequence[Source],
-    outfits: Sequence[tuple[Cloth, ...]],
+    outfits: Sequence[tuple[EngineMesh, ...]],
     folders: Sequence[Path],
     body: Body,
 ) -> tuple[list[Job], dict[str, str]]:

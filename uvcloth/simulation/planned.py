@@ -20,7 +20,7 @@ from uvcloth.dataset.folder import (
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write
 from uvcloth.files.reading import file_below
-from uvcloth.garments.joined import Cloth, join
+from uvcloth.garments.joined import EngineMesh, join
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.garments.templates import TEMPLATES
@@ -109,7 +109,7 @@ class _Stock:
     plan: Path
     clips: Path
     bodies: dict[str, Body] = field(default_factory=dict)
-    worn: dict[tuple[str, ...], tuple[Cloth, ...]] = field(default_factory=dict)
+    worn: dict[tuple[str, ...], tuple[EngineMesh, ...]] = field(default_factory=dict)
     motions: dict[tuple[str, str], tuple[Clip, int, str | None]] = field(default_factory=dict)
 
     def clip_file(self, row: PlanRow) -> str:
@@ -125,7 +125,7 @@ class _Stock:
                 self.bodies[row.body] = load_body(self._file(row.body) if row.body else None)
         return self.bodies[row.body]
 
-    def cloths(self, row: PlanRow) -> tuple[Cloth, ...]:
+    def cloths(self, row: PlanRow) -> tuple[EngineMesh, ...]:
         """Garments of a row on its body, ready to simulate, untangled and checked to lie over one another."""
         key = (row.body, *row.garments)
         if key not in self.worn:

@@ -12,7 +12,7 @@ from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.opened import make_opening
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment
-from uvcloth.garments.joined import Cloth
+from uvcloth.garments.joined import EngineMesh
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
@@ -35,7 +35,7 @@ def run_up(clip: Clip, start: int, frames: int) -> tuple[Clip, int]:
 def simulate(
     clip: Clip,
     warm_up: int,
-    cloths: Sequence[Cloth],
+    cloths: Sequence[EngineMesh],
     body: Body,
     engine: Engine,
     parts: LeadIn,
@@ -88,7 +88,7 @@ def simulate(
     return SimulatedClip(garments, transforms[:frames], clip.fps, warm_up, metadata)
 
 
-def _sides(inner: Sequence[Cloth], inner_vertices: Sequence[Tensor], outer: Tensor) -> dict[str, Any]:
+def _sides(inner: Sequence[EngineMesh], inner_vertices: Sequence[Tensor], outer: Tensor) -> dict[str, Any]:
     """Metadata on a garment's vertices (F, N, 3) m over inner ones; none for the innermost."""
     if not inner:
         return {}
@@ -100,7 +100,7 @@ def _sides(inner: Sequence[Cloth], inner_vertices: Sequence[Tensor], outer: Tens
 
 
 def make_scene(
-    cloths: Sequence[Cloth], references: Sequence[Tensor], transforms: Tensor, body: Body, fps: float
+    cloths: Sequence[EngineMesh], references: Sequence[Tensor], transforms: Tensor, body: Body, fps: float
 ) -> Scene:
     """Make one scene of the cloths, one after another, with the opened parts that one may touch."""
     collider = make_collider(body)

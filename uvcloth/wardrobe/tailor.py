@@ -219,7 +219,7 @@ def _band(name: str, body: Body, vertices: torch.Tensor, faces: torch.Tensor) ->
 
 
 @dataclass(frozen=True)
-class Options:
+class TailorOptions:
     """Tailor templates and write one npz each."""
 
     out: Path
@@ -236,7 +236,7 @@ def main() -> None:
     """Tailor the templates that the command line names."""
     import tyro
 
-    options = tyro.cli(Options)
+    options = tyro.cli(TailorOptions)
     body = load_body(options.body)
     for name in options.garment:
         template = tailor(name, body, options.vertices or VERTICES[name])

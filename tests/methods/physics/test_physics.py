@@ -18,7 +18,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.lbs import LBSConfig, LinearBlendSkinning, create_lbs
 from uvcloth.methods.method import Method
-from uvcloth.methods.physics.finish import Finished, Settled, finished
+from uvcloth.methods.physics.finish import Finished, StaticFinish, finished
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import CagedOutfit, PhysicsConfig, make_caged_outfit
 from uvcloth.methods.registry import load_method
@@ -234,12 +234,12 @@ def test_trained_methods_are_finished_by_the_solver_where_it_can_move_the_outfit
     assert finished(trained, outfit, "clear", FAST) == (trained, True)
     assert finished(trained, outfit, "none", FAST) == (trained, False)
     assert isinstance(finished(baseline, outfit, "dynamic", FAST)[0], Finished)
-    assert isinstance(finished(FAST, outfit, "static", FAST)[0], Settled)
+    assert isinstance(finished(FAST, outfit, "static", FAST)[0], StaticFinish)
 
 
 def test_a_settled_pose_does_not_depend_on_what_was_before(skirt: Outfit) -> None:
     """Forwards, and backwards at another speed: the garments are the same."""
-    method = Settled.of(create_lbs(LBSConfig(smooth=True)), FAST, 0.0)
+    method = StaticFinish.of(create_lbs(LBSConfig(smooth=True)), FAST, 0.0)
     assert not method.traits.autoregressive
     transforms = _sliding(skirt.body, 3, stop=3, speed=3.0)
     forwards = _garment(method, skirt, transforms)
@@ -259,7 +259,7 @@ class _Lost(LinearBlendSkinning):
         return state, tuple(torch.where(lost[:, None, None], torch.nan, each) for each in garments)
 
 
-@pytest.mark.parametrize("finish", [Finished.of, Settled.of])
+@pytest.mark.parametrize("finish", [Finished.of, StaticFinish.of])
 def test_a_prediction_that_is_no_number_is_named_and_forgotten(
     skirt: Outfit, finish: Callable[..., Method]
 ) -> None:

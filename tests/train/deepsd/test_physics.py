@@ -18,7 +18,7 @@ from train.deepsd.prediction import PosedOutfit
 from train.deepsd.run import LOOPS, DeePSDRun
 from train.deepsd.start import TrainedStart, load_start
 from train.loop import fit
-from train.pbns.poses import Poses
+from train.pbns.poses import BodyPoses
 from train.state import STATE
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import PRESSED_PARTS, SLEEVE_PAIRS, make_collider
@@ -227,7 +227,7 @@ def test_an_outfit_of_one_s_own_is_fitted_without_data(
     body: Body, dataset: OutfitDataset, start: TrainedStart
 ) -> None:
     outfit = dataset.training[1].outfit
-    poses = Poses(database_of(body), TrainingData({"poses.npz": "abc"}, {"train": {"swaying": "ann"}}))
+    poses = BodyPoses(database_of(body), TrainingData({"poses.npz": "abc"}, {"train": {"swaying": "ann"}}))
     mine = posed_outfit(outfit, poses)
     assert (len(mine.training[0].vectors), len(mine.held[0].vectors)) == (6, 3)
     objective = Quick(start, LOSSES, mine, 3)

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from tests.train.simulated import database_of
 from train.pbns.supervision import SupervisionConfig, settle_poses
-from train.settled import SETTLED_FILE, Settled
+from train.settled import SETTLED_FILE, SettledOutfit
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
@@ -24,10 +24,10 @@ def test_poses_of_both_splits_are_settled_in_the_fabric_of_the_training(
     database, silk = database_of(body), find_fabric("silk")
     asked: list[tuple[Outfit, Tensor, Path]] = []
 
-    def stand_in(outfit: Outfit, transforms: Tensor, path: Path) -> Settled:
+    def stand_in(outfit: Outfit, transforms: Tensor, path: Path) -> SettledOutfit:
         asked.append((outfit, transforms, path))
         rows = torch.tensor([0, 2, 3])
-        return Settled(rows, rows[:, None, None].expand(-1, 5, 3).float(), len(transforms))
+        return SettledOutfit(rows, rows[:, None, None].expand(-1, 5, 3).float(), len(transforms))
 
     monkeypatch.setattr("train.pbns.supervision.settled_outfit", stand_in)
     config = SupervisionConfig(settled=3)
@@ -43,7 +43,7 @@ def test_poses_of_both_splits_are_settled_in_the_fabric_of_the_training(
     assert supervision.held.rows.tolist() == [0]
     assert supervision.held.vertices[:, 0, 0].tolist() == [3]
     assert settle_poses(replace(config, settled=0), outfit, silk, database, tmp_path) is None
-    nowhere = Settled(torch.tensor([3]), torch.zeros(1, 5, 3), 4)
+    nowhere = SettledOutfit(torch.tensor([3]), torch.zeros(1, 5, 3), 4)
     monkeypatch.setattr("train.pbns.supervision.settled_outfit", lambda *given: nowhere)
     with pytest.raises(InputError, match=r"settled\.npz: the cloth flew apart in every pose"):
         settle_poses(config, outfit, silk, database, tmp_path)

@@ -18,7 +18,7 @@ from train.loop import fit
 from train.pbns import objective as pbns
 from train.pbns.energy import EnergyConfig, FabricOptions
 from train.pbns.objective import SMOOTHING, AttachmentConfig, PBNSObjective
-from train.pbns.poses import Poses
+from train.pbns.poses import BodyPoses
 from train.pbns.run import LOOPS
 from train.pbns.smoothing import GradientSmoothing
 from train.pbns.supervision import SettledPoses, Supervision, SupervisionConfig
@@ -91,7 +91,7 @@ def objective_of(
         EnergyConfig(),
         attachment,
         outfit,
-        Poses(database, TrainingData({"poses.npz": "abc"})),
+        BodyPoses(database, TrainingData({"poses.npz": "abc"})),
         LOOP.batch,
         smoothing,
         supervision=supervision,

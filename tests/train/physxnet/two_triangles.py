@@ -7,7 +7,7 @@ from torch import Tensor
 
 from rasterize.texels import Texels
 from tests.small_body import small_body
-from train.physxnet.prepare import Prepared
+from train.physxnet.prepare import Correspondences
 from uvcloth.bodies.body import Body
 from uvcloth.dataset.bodies import keep_body
 from uvcloth.dataset.clip import clip_of_garment
@@ -37,7 +37,7 @@ CONFIG = PhysXNetConfig(
 )
 
 
-def prepared(templates: tuple[str, ...], unseen: int = 0) -> Prepared:
+def prepared(templates: tuple[str, ...], unseen: int = 0) -> Correspondences:
     """Correspondences that ray casting would find, had the garments a template.
 
     unseen: how many of the first corners no texel sees; they are decoded from the next one that one does.
@@ -57,7 +57,7 @@ def prepared(templates: tuple[str, ...], unseen: int = 0) -> Prepared:
     samples = (each - unseen).clamp(min=0)[:, None]
     decoder = GarmentDecoder(samples, torch.ones(4, 1), SHEET, torch.zeros(4, 3), chest, chest)
     edges = unique_edges(FACES)
-    return Prepared(
+    return Correspondences(
         body,
         dict.fromkeys(templates, template),
         dict.fromkeys(templates, decoder),

@@ -18,7 +18,7 @@ from train.recurrent.cage_runs import (
 )
 from train.recurrent.objective import SLOW, RecurrentObjective, speed_error
 from train.recurrent.run import LOOPS, LOSSES, RecurrentRun
-from train.recurrent.windows import Fitted
+from train.recurrent.windows import RunStatistics
 from train.state import STATE
 from uvcloth.bodies.body import Body, resized
 from uvcloth.checkpoint import load_checkpoint, load_tensors
@@ -120,7 +120,7 @@ def test_cloth_that_is_pushed_into_the_skin_is_inside_by_as_much(
     data: Path, objective: RecurrentObjective
 ) -> None:
     run, fitted = load_run(run_files(data)[0]), objective.runs["skirt"].fitted
-    whole = Fitted(**vars(fitted) | {"mean": run.resting[5], "shapes": -run.skin[5:6, :, :3]})
+    whole = RunStatistics(**vars(fitted) | {"mean": run.resting[5], "shapes": -run.skin[5:6, :, :3]})
     near = run.skin[5, :, :3].norm(dim=-1) > 0.9
     for depth in (0.0, 0.03):
         inside = whole.inside(torch.tensor([depth]), run.skin[5], 0.0)[near]

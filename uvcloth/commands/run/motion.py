@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.commands.motion import Motion
+from uvcloth.commands.motion import DescribeMotion
 from uvcloth.errors import InputError
 from uvcloth.files.image import write_png
 from uvcloth.geometry.units import UNITS
@@ -24,7 +24,7 @@ UNIT_ERROR = 1.25
 """Factor by which a leg in one of the units may be longer or shorter than the body's."""
 
 
-def run(command: Motion) -> None:
+def run(command: DescribeMotion) -> None:
     """Print how a motion file is understood, and write a sheet of stick figures.
 
     Raises InputError as `load_clip` does, after the readable part is printed; for an impossible motion, after

@@ -12,7 +12,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from uvcloth.commands.page import Page
-from uvcloth.commands.run.page_characters import Character, bake_own, load_characters
+from uvcloth.commands.run.page_characters import PageCharacter, bake_own, load_characters
 from uvcloth.commands.run.page_comparison import compared_character
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write
@@ -86,7 +86,7 @@ def write_page(command: Page) -> Written:
     return Written(command.out / "index.html", {name: len(content) for name, content in written.items()})
 
 
-def _characters(command: Page) -> tuple[Character, ...]:
+def _characters(command: Page) -> tuple[PageCharacter, ...]:
     if command.fast and not command.file:
         raise InputError("--fast: name the files that these are the fast quality of")
     if command.simulated is not None:
@@ -102,7 +102,7 @@ def _write(path: Path, content: bytes) -> None:
         unfinished.write_bytes(content)
 
 
-def _filled(page: str, characters: Sequence[Character]) -> str:
+def _filled(page: str, characters: Sequence[PageCharacter]) -> str:
     """The page with the choices of its lists."""
     choices = [
         _option(quote(each.name), each.name.removesuffix(".glb"), _methods(each)) for each in characters
@@ -115,7 +115,7 @@ def _filled(page: str, characters: Sequence[Character]) -> str:
     return page.replace("<!-- fabrics -->", "".join(fabrics))
 
 
-def _methods(character: Character) -> str:
+def _methods(character: PageCharacter) -> str:
     """The methods of a character as the page reads them, "" for none."""
     entries = []
     for method in character.methods:

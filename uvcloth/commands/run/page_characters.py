@@ -30,7 +30,7 @@ MOST_LAYERS = 3
 
 
 @dataclass(frozen=True)
-class Character:
+class PageCharacter:
     """A baked file, and what the page has beside its cloth. name: of the file on the page."""
 
     name: str
@@ -48,7 +48,7 @@ class Character:
         return {self.name: self.content, **beside}
 
 
-def load_characters(paths: Sequence[Path], fast: Sequence[Path]) -> tuple[Character, ...]:
+def load_characters(paths: Sequence[Path], fast: Sequence[Path]) -> tuple[PageCharacter, ...]:
     """The characters of baked files, checked to be whole. fast: the same ones in fast quality, or none.
 
     Raises InputError for files that are not baked or damaged, two of one name, fast ones of another number,
@@ -56,7 +56,7 @@ def load_characters(paths: Sequence[Path], fast: Sequence[Path]) -> tuple[Charac
     """
     if fast and len(fast) != len(paths):
         raise InputError(f"--fast: {len(fast)} files, expected one for each of the {len(paths)} of the page")
-    characters: dict[str, Character] = {}
+    characters: dict[str, PageCharacter] = {}
     for place, path in enumerate(paths):
         if path.name in characters:
             raise InputError(f"page: {path.name} is there twice; a page has one file of a name")
@@ -67,7 +67,7 @@ def load_characters(paths: Sequence[Path], fast: Sequence[Path]) -> tuple[Charac
             _require_same(other, baked)
             qualities = (PageMethod("default", "baked"), PageMethod("fast", "outfit", other.content))
             methods = (*qualities, *_fewer("default", baked), *_fewer("fast", other))
-        characters[path.name] = Character(path.name, path.read_bytes(), methods)
+        characters[path.name] = PageCharacter(path.name, path.read_bytes(), methods)
     return tuple(characters.values())
 
 
@@ -103,7 +103,7 @@ def _require_same(other: BakedFile, baked: BakedFile) -> None:
         raise InputError(f"--fast {other.file.path}: has other joints or garments than {baked.file.path}")
 
 
-def bake_own() -> tuple[Character, ...]:
+def bake_own() -> tuple[PageCharacter, ...]:
     """Our own body in some garments, in default and fast quality and as a recurrent rig, with some clips."""
     from uvcloth.commands.bake import Bake
     from uvcloth.commands.run.bake import bake

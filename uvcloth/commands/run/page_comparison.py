@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uvcloth.commands.options import GARMENT
 from uvcloth.commands.page import Page
 from uvcloth.commands.run.page_characters import (
-    Character,
+    PageCharacter,
     add_animations,
     load_characters,
     open_whole,
@@ -36,7 +36,7 @@ TAKEN = ("cloth", "skinning")
 SIMULATION = "simulation"
 
 
-def compared_character(command: Page, path: Path) -> Character:
+def compared_character(command: Page, path: Path) -> PageCharacter:
     """A character that moves as in a simulation, beside that and its predictions.
 
     Raises InputError for a sequence that is damaged or of another frame rate, for a baked file in other

@@ -1,7 +1,7 @@
 """Body poses to train on, drawn from motions."""
 
 from uvcloth.bodies.body import load_body
-from uvcloth.commands.poses import Poses
+from uvcloth.commands.poses import DrawPoses
 from uvcloth.files.atomic import make_folder
 from uvcloth.motion.clip_splits import find_sources
 from uvcloth.motion.draw_poses import draw_poses
@@ -10,7 +10,7 @@ from uvcloth.motion.recombine import recombine
 from uvcloth.physics.self_contact import SelfContact
 
 
-def run(command: Poses) -> None:
+def run(command: DrawPoses) -> None:
     """Draw the poses and write them. Raises InputError for bad input."""
     sources = find_sources(command.clips, command.windows, command.clips_from)
     make_folder(command.out.parent)

@@ -24,7 +24,7 @@ MOST_LISTED = 5
 
 
 @dataclass(frozen=True)
-class Share:
+class Percentage:
     """Percent of a surface that shows: its mean over the frames, its largest value, and the frame of that."""
 
     mean: float = 0.0
@@ -53,8 +53,8 @@ class Summary:
     frames: int
     seconds: float
     milliseconds: dict[str, float]
-    skin: Share
-    cloth: Share | None = None
+    skin: Percentage
+    cloth: Percentage | None = None
     every: int = 1
     replaced: tuple[str, ...] = ()
     difficult: tuple[str, ...] = ()
@@ -107,9 +107,9 @@ class ShareTotal:
         if percent > self.worst:
             self.worst, self.frame = percent, frame
 
-    def share(self, frames: int) -> Share:
+    def share(self, frames: int) -> Percentage:
         """The share over so many frames."""
-        return Share(self.total / frames, self.worst, self.frame)
+        return Percentage(self.total / frames, self.worst, self.frame)
 
 
 @dataclass

@@ -53,7 +53,7 @@ HALF_PRECISION = ("layers.", "shapes", "poses")
 
 
 @dataclass(frozen=True)
-class RestOutfit:
+class ModelOutfit:
     """The outfit of a model: garments at rest on one body, the innermost first, as one list of N vertices.
 
     names: of the garments. meshes: of each. heads: (J, 3) the body's joints at rest, m. parents: (J,).
@@ -94,14 +94,14 @@ class PBNS(Method, Riggable):
 
     config: PBNSConfig
     network: PBNSNetwork
-    garments: RestOutfit
+    garments: ModelOutfit
     name: str = "pbns"
     traits = Traits(quasi_static=True)
 
     @classmethod
     def untrained(cls, config: PBNSConfig) -> "PBNS":
         """The method without a garment; training gives it one."""
-        return cls(config, PBNSNetwork(config, 0, 0, 1, 0), RestOutfit((), (), torch.zeros(1, 3), (-1,)))
+        return cls(config, PBNSNetwork(config, 0, 0, 1, 0), ModelOutfit((), (), torch.zeros(1, 3), (-1,)))
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """Reason why it cannot dress an outfit: it is for the garments and the body of its training."""
@@ -181,15 +181,15 @@ class PBNS(Method, Riggable):
         )
 
 
-def rest_outfit(outfit: Outfit) -> RestOutfit:
+def rest_outfit(outfit: Outfit) -> ModelOutfit:
     """An outfit as a model keeps it."""
     skeleton = outfit.body.skeleton
     names = tuple(garment.name for garment in outfit.garments)
     meshes = tuple(garment.mesh for garment in outfit.garments)
-    return RestOutfit(names, meshes, skeleton.heads, skeleton.parents)
+    return ModelOutfit(names, meshes, skeleton.heads, skeleton.parents)
 
 
-def new_network(config: PBNSConfig, garments: RestOutfit, weights: Tensor, poses: Tensor) -> PBNSNetwork:
+def new_network(config: PBNSConfig, garments: ModelOutfit, weights: Tensor, poses: Tensor) -> PBNSNetwork:
     """An untrained network for an outfit. weights: (N, J) to start from. poses: (M, 3 J) of training."""
     joined = torch.cat(
         [weld(mesh.vertices) + at for mesh, at in zip(garments.meshes, garments.joined.starts, strict=True)]
@@ -239,7 +239,7 @@ def load_pbns(checkpoint: Checkpoint, folder: Path) -> PBNS:
     return PBNS(config, network.eval(), garments)
 
 
-def _outfit(checkpoint: Checkpoint, path: Path) -> RestOutfit:
+def _outfit(checkpoint: Checkpoint, path: Path) -> ModelOutfit:
     """The outfit of a checkpoint. Raises InputError if its meshes or its joints are invalid."""
     arrays = {
         name: tensor.numpy() for name, tensor in checkpoint.tensors.items() if not name.startswith("network.")
@@ -253,10 +253,10 @@ def _outfit(checkpoint: Checkpoint, path: Path) -> RestOutfit:
     parents = tuple(joints["parents"].tolist())
     if not in_order(parents) or not meshes:
         raise InputError(f"{path}: has no garments, or a joint before its parent")
-    return RestOutfit(checkpoint.garments, tuple(meshes), torch.from_numpy(joints["heads"]), parents)
+    return ModelOutfit(checkpoint.garments, tuple(meshes), torch.from_numpy(joints["heads"]), parents)
 
 
-def _require_fit(network: PBNSNetwork, garments: RestOutfit) -> None:
+def _require_fit(network: PBNSNetwork, garments: ModelOutfit) -> None:
     """Raise ValueError unless a network has the outfit's vertices and joints."""
     if not sum(garments.sizes) == len(network.rest) == len(network.owner):
         raise ValueError(f"{sum(garments.sizes)} vertices, weights for {len(network.owner)}")

@@ -117,7 +117,7 @@ class Finished(Finish):
 
 
 @dataclass(frozen=True)
-class Settled(Finish):
+class StaticFinish(Finish):
     """The static finish: garments come to rest in each pose, whatever was before, for poses and previews.
 
     Cloth starts at the prediction. Without a pull it is of physics alone, and starts as `dressed` does.
@@ -177,13 +177,13 @@ def with_finish(method: Method, finish: FinishName, physics: Physics) -> Method:
     """The method with a dynamic or static finish of the solver; otherwise, as dynamic physics, itself."""
     solves = isinstance(method, Physics)
     if finish == "static":
-        return static_physics(physics) if solves else Settled.of(method, physics)
+        return static_physics(physics) if solves else StaticFinish.of(method, physics)
     return Finished.of(method, physics) if finish == "dynamic" and not solves else method
 
 
-def static_physics(physics: Physics) -> Settled:
+def static_physics(physics: Physics) -> StaticFinish:
     """The solver with the static finish: garments come to rest from the smoothly skinned ones."""
-    return Settled(create_lbs(LBSConfig(smooth=True)), physics, 0.0, physics.name)
+    return StaticFinish(create_lbs(LBSConfig(smooth=True)), physics, 0.0, physics.name)
 
 
 def _where_finite(predicted: list[Tensor], garments: tuple[Tensor, ...]) -> tuple[Tensor, ...]:

@@ -11,7 +11,7 @@ from uvcloth.errors import InputError
 from uvcloth.physics.cloth.body import Body
 from uvcloth.physics.cloth.cloth import Cloth
 from uvcloth.physics.cloth.stability import largest_step
-from uvcloth.player.cloth import ClothSolver, Pairs, Searched, no_pairs, nothing_searched
+from uvcloth.player.cloth import ClothSolver, ContactCache, Pairs, no_pairs, nothing_searched
 
 Floats = NDArray[np.float32]
 
@@ -74,7 +74,7 @@ class State:
     origin: NDArray[np.float64]
     drift: NDArray[np.float64]
     pairs: Pairs
-    near: Searched
+    near: ContactCache
     substeps: int = 0
     frame: int = 0
 
