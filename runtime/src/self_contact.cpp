@@ -184,7 +184,7 @@ bool walk_pairs(const Sheet &sheet, SelfContact &contact, const Vec *positions, 
             stack.add({w.a + 1, w.a + 1, APART});
             stack.add({x.right, x.right, APART});
             int half = sheet.halves.at(w.a);
-            if (half != DONE) stack.add({w.a + 1, x.right, half});
+            stack.add({w.a + 1, x.right, half});
             continue;
         }
         // Nodes that share a vertex are not apart, and those that do not are no one patch.
@@ -195,8 +195,8 @@ bool walk_pairs(const Sheet &sheet, SelfContact &contact, const Vec *positions, 
             bool halve_a = first_is_halved(x, y);
             Two next = w.pair == APART ? Two{APART, APART} : sheet.following.at(w.pair);
             int left = halve_a ? w.a + 1 : w.b + 1, right = halve_a ? x.right : y.right;
-            if (next.first != DONE) stack.add({halve_a ? left : w.a, halve_a ? w.b : left, next.first});
-            if (next.second != DONE) stack.add({halve_a ? right : w.a, halve_a ? w.b : right, next.second});
+            stack.add({halve_a ? left : w.a, halve_a ? w.b : left, next.first});
+            stack.add({halve_a ? right : w.a, halve_a ? w.b : right, next.second});
             continue;
         }
         int f = tree.order.at(x.first), g = tree.order.at(y.first);
@@ -258,8 +258,34 @@ struct Candidates {
     }
 };
 
-// Keeps those vertices that are within the margin of a face and no corner or neighbour of one.
-void keep_points(const Sheet &sheet, const Vec *positions, Candidates &some, List<PointPair> &points) {
+// Whether a vertex is a corner of a face, or joined to one by an edge and within the margin, m, at rest: the
+// two are never apart.
+bool is_beside(const Sheet &sheet, int vertex, Face face, float margin) {
+    if (vertex == face.a || vertex == face.b || vertex == face.c) return true;
+    const Rings &rings = sheet.rings;
+    if (!in_ring(rings, vertex, face.a) && !in_ring(rings, vertex, face.b) && !in_ring(rings, vertex, face.c))
+        return false;
+    const Vec *rest = sheet.rest.data;
+    Vec weights = closest_barycentrics(rest[vertex], rest[face.a], rest[face.b], rest[face.c]);
+    return length(rest[vertex] - weighted(weights, rest[face.a], rest[face.b], rest[face.c])) < margin;
+}
+
+// The same for two edges.
+bool is_beside(const Sheet &sheet, Two p, Two q, float margin) {
+    if (p.first == q.first || p.first == q.second || p.second == q.first || p.second == q.second) return true;
+    const Rings &rings = sheet.rings;
+    if (!in_ring(rings, p.first, q.first) && !in_ring(rings, p.first, q.second) &&
+        !in_ring(rings, p.second, q.first) && !in_ring(rings, p.second, q.second))
+        return false;
+    const Vec *rest = sheet.rest.data;
+    float s, t;
+    return length(closest_on_segments(rest[p.first], rest[p.second], rest[q.first], rest[q.second], s, t)) <
+           margin;
+}
+
+// Keeps those vertices that are within their margin of a face, and not beside it at rest.
+void keep_points(const Sheet &sheet, const Vec *positions, float margin, Candidates &some,
+                 List<PointPair> &points) {
     if (!some.count) return;
     unsigned lanes = some.close();
     LaneVec a = gather(positions, some.vertices[1]), ap = gather(positions, some.vertices[0]) - a;
@@ -270,15 +296,15 @@ void keep_points(const Sheet &sheet, const Vec *positions, Candidates &some, Lis
     unsigned above = bits(dot(ap, cross(ab, ac)) >= 0.0f);
     for (lanes &= bits(dot(away, away) <= margins * margins); lanes;) {
         int lane = take(lanes), vertex = some.vertices[0][lane];
-        bool is_beside = false;
-        for (int corner = 1; corner < 4; corner++)
-            is_beside = is_beside || in_ring(sheet.rings, vertex, some.vertices[corner][lane]);
-        if (!is_beside) points.add({some.pairs[lane], above >> lane & 1 ? 1.0f : -1.0f});
+        Face face{some.vertices[1][lane], some.vertices[2][lane], some.vertices[3][lane]};
+        if (!is_beside(sheet, vertex, face, margin))
+            points.add({some.pairs[lane], above >> lane & 1 ? 1.0f : -1.0f});
     }
 }
 
-// Keeps those edges that are within the margin of another, and share no end and no edge between ends with it.
-void keep_edges(const Sheet &sheet, const Vec *positions, Candidates &some, List<EdgePair> &edges) {
+// Keeps those edges that are within their margin of another, and not beside it at rest.
+void keep_edges(const Sheet &sheet, const Vec *positions, float margin, Candidates &some,
+                List<EdgePair> &edges) {
     if (!some.count) return;
     unsigned lanes = some.close();
     Lanes s, t, margins = load(some.margins);
@@ -291,9 +317,7 @@ void keep_edges(const Sheet &sheet, const Vec *positions, Candidates &some, List
         int lane = take(lanes);
         int p0 = some.vertices[0][lane], p1 = some.vertices[1][lane], q0 = some.vertices[2][lane],
             q1 = some.vertices[3][lane];
-        if (in_ring(sheet.rings, p0, q0) || in_ring(sheet.rings, p0, q1) || in_ring(sheet.rings, p1, q0) ||
-            in_ring(sheet.rings, p1, q1))
-            continue;
+        if (is_beside(sheet, {p0, p1}, {q0, q1}, margin)) continue;
         edges.add({some.pairs[lane], pick(directions, lane)});
     }
 }
@@ -308,7 +332,7 @@ void find_in_leaves(const Sheet &sheet, const Vec *positions, float margin, floa
         for (int corner = 0; corner < 3; corner++) {
             if (!(sheet.owned.at(f) >> corner & 1)) continue;
             points.add({owner[corner], g}, owner[corner], face.a, face.b, face.c, watched);
-            if (points.count == LANES) keep_points(sheet, positions, points, contact.points);
+            if (points.count == LANES) keep_points(sheet, positions, margin, points, contact.points);
         }
     };
     for (Two leaf : contact.leaves.items) {
@@ -324,12 +348,12 @@ void find_in_leaves(const Sheet &sheet, const Vec *positions, float margin, floa
                 int first = sheet.face_edges.at(f)[i], second = sheet.face_edges.at(g)[j];
                 Two p = sheet.edges.at(first), q = sheet.edges.at(second);
                 edges.add({first, second}, p.first, p.second, q.first, q.second, watched);
-                if (edges.count == LANES) keep_edges(sheet, positions, edges, contact.edges);
+                if (edges.count == LANES) keep_edges(sheet, positions, margin, edges, contact.edges);
             }
         }
     }
-    keep_points(sheet, positions, points, contact.points);
-    keep_edges(sheet, positions, edges, contact.edges);
+    keep_points(sheet, positions, margin, points, contact.points);
+    keep_edges(sheet, positions, margin, edges, contact.edges);
 }
 
 // Orders pairs by their first index: where each of `count` begins, and the order.
@@ -570,6 +594,7 @@ Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure) {
     if (failure.failed) return {};
     Array<Face> triangles{reinterpret_cast<Face *>(corners.data), faces};
     Vec *points = reinterpret_cast<Vec *>(rest.data);
+    sheet.rest = {points, vertices};
     sheet.surface = make_surface(vertices, triangles, arena);
     sheet.tree = make_box_tree(points, triangles, starts, 1, arena);
     sheet.rings = vertex_rings(triangles, vertices, arena);
@@ -615,22 +640,29 @@ void drop_caught(const Sheet &sheet, const Collider &collider, const int32_t *ca
     auto pass = [&](int one, int other) {
         return (caught[one] & collider.touches.at(other)) || (caught[other] & collider.touches.at(one));
     };
-    int kept = 0;
-    for (const PointPair &pair : contact.points.items) {
-        Face face = sheet.surface.faces.at(pair.two.second);
-        int vertex = pair.two.first;
-        if (!pass(vertex, face.a) && !pass(vertex, face.b) && !pass(vertex, face.c))
-            contact.points.items[kept++] = pair;
-    }
-    contact.points.items.size = kept;
-    kept = 0;
-    for (const EdgePair &pair : contact.edges.items) {
+    auto passes_face = [&](int vertex, Face face) {
+        return pass(vertex, face.a) || pass(vertex, face.b) || pass(vertex, face.c);
+    };
+    auto passes_edge = [&](int vertex, Two edge) {
+        return pass(vertex, edge.first) || pass(vertex, edge.second);
+    };
+    auto drop = [](auto &things, auto is_dropped) {
+        int kept = 0;
+        for (const auto &thing : things)
+            if (!is_dropped(thing)) things[kept++] = thing;
+        things.size = kept;
+    };
+    drop(contact.points.items, [&](const PointPair &pair) {
+        return passes_face(pair.two.first, sheet.surface.faces.at(pair.two.second));
+    });
+    drop(contact.edges.items, [&](const EdgePair &pair) {
         Two p = sheet.edges.at(pair.two.first), q = sheet.edges.at(pair.two.second);
-        if (!pass(p.first, q.first) && !pass(p.first, q.second) && !pass(p.second, q.first) &&
-            !pass(p.second, q.second))
-            contact.edges.items[kept++] = pair;
-    }
-    contact.edges.items.size = kept;
+        return passes_edge(p.first, q) || passes_edge(p.second, q);
+    });
+    drop(contact.crossings.items, [&](const Crossing &crossing) {
+        Face face = sheet.surface.faces.at(crossing.face);
+        return passes_face(crossing.edge.first, face) || passes_face(crossing.edge.second, face);
+    });
 }
 
 void resolve_pairs(const Sheet &sheet, SelfContact &contact, Vec *positions, Vec *velocities,

@@ -22,10 +22,11 @@ struct Cone {
 //
 // owned: for each face, bits 0 to 2 of the corners and bits 3 to 5 of the edges (corner i to i + 1) that it
 // stands for, so that each is tested once. face_edges: into edges. connected: nodes whose faces are one patch.
-// halves, following: where a walk through pairs of nodes goes on; see `Walk` in self_contact.cpp. apart:
-// (K, K) whether two pieces do not touch. spacing: m, least distance of vertices along the mesh that are no
-// neighbours, in slightly squeezed cloth.
+// rest: (N) m. halves, following: where a walk through pairs of nodes goes on; see `Walk` in self_contact.cpp.
+// apart: (K, K) whether two pieces do not touch. spacing: m, least distance of vertices along the mesh that are
+// no neighbours, in slightly squeezed cloth.
 struct Sheet {
+    Array<Vec> rest;
     Surface surface;
     BoxTree tree;
     Array<Two> edges;
@@ -55,12 +56,20 @@ struct EdgePair {
     Vec direction;
 };
 
+// An edge that runs through a face, and the corners of its faces that it does not have; `beyond` is -1 at a
+// border.
+struct Crossing {
+    Two edge;
+    int32_t inner, beyond, face;
+};
+
 // Pairs that are near, with the substeps until each is looked at again, and what a search needs.
 struct SelfContact {
     List<PointPair> points, points_before;
     List<EdgePair> edges, edges_before;
     List<int32_t> point_wait, edge_wait;
     List<Two> leaves;
+    List<Crossing> crossings;
     List<int32_t> starts, order;
     Array<Box> boxes, speeds;
     Array<Cone> cones;
@@ -76,8 +85,9 @@ struct SelfContact {
 bool find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities, float margin, float interval,
                 SelfContact &contact);
 
-// Drops the pairs of cloth that is inside a part of the body which the other cloth touches: mocap moves
-// forearms through knees, and a sleeve there would push the trousers off the leg. caught: (N) bits of parts.
+// Drops the pairs and crossings of cloth that is inside a part of the body which the other cloth touches:
+// mocap moves forearms through knees, and a sleeve there would push the trousers off the leg. caught: (N) bits
+// of parts.
 void drop_caught(const Sheet &sheet, const Collider &collider, const int32_t *caught, SelfContact &contact);
 
 // Keeps pairs `radius`, m, apart on their sides, without a bounce, with friction. step: s.

@@ -1,5 +1,7 @@
 #include "solver.h"
 
+#include "untangling.h"
+
 namespace uvc {
 
 namespace {
@@ -170,10 +172,12 @@ bool move(const Solver &solver, const Material &material, const uvc_motion &moti
                 if (!find_pairs(solver.sheet, positions, velocities, motion.self_radius + motion.self_margin,
                                 step * (float)pace.interval, contact))
                     return false;
+                find_crossings(solver.sheet, positions, contact);
                 if (any_caught) drop_caught(solver.sheet, collider, caught.data, contact);
             }
             resolve_pairs(solver.sheet, contact, positions, velocities, particles, motion.self_radius,
                           step);
+            resolve_crossings(solver.sheet, contact, positions, particles, step);
         }
         if (collider.surface.faces.size == 0) continue;
         if (substep % pace.body_interval == 0) {

@@ -93,6 +93,31 @@ def test_cloth_that_two_balls_pinch_is_not_torn_and_comes_out_of_both() -> None:
     assert crossing(states, faces).max() == 0.0
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_strip_that_is_pressed_into_folds_does_not_stay_in_itself(seed: int) -> None:
+    """It stands on a floor, with edges of 2 cm, and a lid comes down to 12 mm and rises again.
+
+    Where neighbouring faces are not in contact, sharp folds run through themselves, and three of these strips
+    stay so.
+    """
+    height, gap, count = 0.3, 0.012, 60
+    flat, faces = sheet(height, 0.12, 16, 7)
+    uneven = 0.002 * torch.randn(len(flat), generator=torch.manual_seed(seed))
+    rest = torch.stack([uneven, flat[:, 1], flat[:, 0] + 0.006], 1)
+    things = [box(0.0), box(height + 0.23)]
+    made = solver(rest, faces, things=things)
+    time = torch.linspace(0.0, 1.0, count + 1)
+    drop = (height + 0.03 - gap) * torch.minimum(time / 0.4, 2.0 * (1.0 - time)).clamp(0.0, 1.0)
+    down = drop[:, None] * torch.tensor([0.0, 0.0, -1.0])
+    bodies = moving(things, [torch.zeros(count + 1, 3), down])
+    targets = np.repeat(rest.numpy()[None], count + 1, 0)
+    states = list(frames(made, start(made, rest.numpy()), targets, bodies, FPS))
+    assert min(state.vertices()[:, 2].max() for state in states) < gap
+    share = crossing(states, faces)
+    assert share.max() < 2.0
+    assert share[-1] == 0.0
+
+
 def test_an_outer_sheet_on_a_ball_stays_outside_of_an_inner_one() -> None:
     inner, outer = disc(0.16, 8), disc(0.15, 7)
     lifted = outer[0] + torch.tensor([0.003, -0.002, 0.006])

@@ -15,7 +15,7 @@ from tests.simulation.physics.scenes import disc, sheet
 from tests.thorough import always
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.physics.cloth.body import make_body
-from uvcloth.physics.cloth.cloth import Cloth, Sheet, make_cloth
+from uvcloth.physics.cloth.cloth import Cloth, make_cloth
 from uvcloth.physics.cloth.solver import Motion, Settings, Solver, make_solver, start, step
 from uvcloth.physics.fabric import Fabric
 from uvcloth.player.cloth import nothing_searched
@@ -177,10 +177,24 @@ def test_all_pairs_of_cloth_near_cloth_are_found_and_no_others(name: str) -> Non
     rest, points, faces = CLOTHS[name]()
     made = make_cloth(rest.numpy(), faces.numpy(), Fabric())
     found = found_pairs(made, points.numpy())
-    for near, (pairs, distances) in zip(found, all_pairs(made.sheet, points.numpy()), strict=True):
-        sure, possible = (keys(pairs[distances < MARGIN + by]) for by in (-ROUNDING, ROUNDING))
+    for near, (pairs, distances, beside) in zip(found, all_pairs(made, points.numpy()), strict=True):
+        sure = keys(pairs[(distances < MARGIN - ROUNDING) & ~beside])
         assert len(sure) > 100
-        assert sure <= near <= possible
+        assert sure <= near <= keys(pairs[distances < MARGIN + ROUNDING])
+
+
+def test_neighbours_in_a_sharp_fold_are_found() -> None:
+    """A sheet with edges of 2 cm lies on itself, folded along a row of edges."""
+    rest, faces = sheet(0.08, 0.08, 5, 5)
+    made = make_cloth(rest.numpy(), faces.numpy(), Fabric())
+    beyond = (rest[:, :1] - 0.04).clamp(min=0.0)
+    slope = torch.tensor([0.1])
+    points = rest - beyond * torch.cat([1.0 + slope.cos(), 0.0 * slope, -slope.sin()])
+    found = found_pairs(made, points.numpy())
+    for near, (pairs, distances, beside) in zip(found, all_pairs(made, points.numpy()), strict=True):
+        assert len(near & keys(pairs[beside])) > 5
+        assert keys(pairs[beside & (distances < MARGIN - ROUNDING)]) <= near
+    assert not any(found_pairs(made, rest.numpy()))
 
 
 def test_pairs_are_found_that_only_come_near_before_the_next_search() -> None:
@@ -193,11 +207,11 @@ def test_pairs_are_found_that_only_come_near_before_the_next_search() -> None:
     points[upper, 2] += 0.01
     start, velocities = points.numpy(), speeds.numpy()
     found = found_pairs(made, start, velocities, 0.01)
-    assert not any(keys(pairs[distances < MARGIN]) for pairs, distances in all_pairs(made.sheet, start))
+    assert not any(keys(pairs[distances < MARGIN]) for pairs, distances, _ in all_pairs(made, start))
     for share in (0.5, 1.0):
         moved = start + np.float32(0.01 * share) * velocities
-        for near, (pairs, distances) in zip(found, all_pairs(made.sheet, moved), strict=True):
-            assert keys(pairs[distances < MARGIN - ROUNDING]) <= near
+        for near, (pairs, distances, beside) in zip(found, all_pairs(made, moved), strict=True):
+            assert keys(pairs[(distances < MARGIN - ROUNDING) & ~beside]) <= near
 
 
 def test_garments_that_never_meet_are_not_searched_for_each_other() -> None:
@@ -228,21 +242,29 @@ def keys(pairs: NDArray) -> set[tuple[int, int]]:
     return {(first, second) for first, second in pairs.tolist()}
 
 
-def all_pairs(sheet: Sheet, points: NDArray) -> list[tuple[NDArray, NDArray]]:
-    """All vertices with faces, and all edges with edges, that share no ring, and their distances."""
-    points = points.astype(np.float64)
-    near = np.eye(len(points), dtype=bool)
-    near[sheet.edges[:, 0], sheet.edges[:, 1]] = near[sheet.edges[:, 1], sheet.edges[:, 0]] = True
-    vertex, face = np.nonzero(~near[:, sheet.faces].any(2))
-    closest = trimesh.triangles.closest_point(points[sheet.faces[face]], points[vertex])
+def all_pairs(cloth: Cloth, points: NDArray) -> list[tuple[NDArray, NDArray, NDArray]]:
+    """All vertices with faces, and all edges with edges, that share no vertex, but neighbours only where they
+    are apart at rest; their distances, and whether they are neighbours.
+    """
+    sheet, rest, points = cloth.sheet, cloth.rest.astype(np.float64), points.astype(np.float64)
+    same = np.eye(len(points), dtype=bool)
+    ring = same.copy()
+    ring[sheet.edges[:, 0], sheet.edges[:, 1]] = ring[sheet.edges[:, 1], sheet.edges[:, 0]] = True
+    vertex, face = np.nonzero(~same[:, sheet.faces].any(2))
     first, second = np.triu_indices(len(sheet.edges), 1)
     a, b = sheet.edges[first], sheet.edges[second]
-    apart = ~near[a[:, :, None], b[:, None, :]].any((1, 2))
+    apart = ~same[a[:, :, None], b[:, None, :]].any((1, 2))
     a, b, first, second = a[apart], b[apart], first[apart], second[apart]
-    return [
-        (np.stack([vertex, face], 1), np.linalg.norm(points[vertex] - closest, axis=1)),
-        (np.stack([first, second], 1), segment_distances(points[a], points[b])),
-    ]
+
+    def distances(places: NDArray) -> tuple[NDArray, NDArray]:
+        closest = trimesh.triangles.closest_point(places[sheet.faces[face]], places[vertex])
+        return np.linalg.norm(places[vertex] - closest, axis=1), segment_distances(places[a], places[b])
+
+    beside = ring[vertex[:, None], sheet.faces[face]].any(1), ring[a[:, :, None], b[:, None, :]].any((1, 2))
+    pairs = np.stack([vertex, face], 1), np.stack([first, second], 1)
+    kept = [~near | (gap >= MARGIN) for near, gap in zip(beside, distances(rest), strict=True)]
+    columns = zip(pairs, distances(points), beside, kept, strict=True)
+    return [(two[chosen], gap[chosen], near[chosen]) for two, gap, near, chosen in columns]
 
 
 def segment_distances(first: NDArray, second: NDArray) -> NDArray[np.float64]:
