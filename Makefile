@@ -7,7 +7,7 @@ INSTALLED := .venv/installed
 # What is imported is compiled once and kept: without, every process would compile PyTorch again, for 5 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo compare test thorough-test fuzz wheel-test release-test lint install runtime wasm sanitize wheels clean
+.PHONY: demo compare test thorough-test fuzz wheel-test release-test lint api install runtime wasm sanitize wheels clean
 
 demo: install wasm
 	$(BIN)/uvcloth demo --out demo
@@ -37,6 +37,10 @@ lint: install
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# Writes the public names of `import uvcloth` as HTML, from their docstrings.
+api: install
+	$(BIN)/pdoc --docformat markdown --no-show-source --output-directory build/api uvcloth '!uvcloth[.].*'
 
 install: $(INSTALLED) runtime
 
