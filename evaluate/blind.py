@@ -14,8 +14,9 @@ from torch import Tensor
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write
 from uvcloth.geometry.mesh import join_meshes
-from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Surface, render, three_quarter
+from uvcloth.rendering.render import BODY_COLOR, GARMENT_COLORS, Surface, render
 from uvcloth.rollouts.rollout import prepare_rollout
+from uvcloth.writers.pictures import camera_path
 from uvcloth.writers.video import open_video
 
 from .candidates import SIMULATION, Candidate
@@ -115,11 +116,11 @@ def filmed(case: Case, garments: Tensor) -> bytes:
             for place, (vertices, _) in enumerate(meshes)
         ]
     )
-    # One camera for all methods: it holds the whole way of the body.
-    camera = three_quarter(case.body_vertices[: len(garments)], aspect=SIZE[0] / SIZE[1])
+    # The same cameras for all methods: they follow the body.
+    cameras = camera_path(body, case.transforms[: len(garments)], case.fps, SIZE[0] / SIZE[1])
     pictures = (
         render([Surface(skin, body.mesh.faces, BODY_COLOR), Surface(cloth, faces, colors)], camera, SIZE)
-        for skin, cloth in zip(case.body_vertices, garments, strict=False)
+        for skin, cloth, camera in zip(case.body_vertices, garments, cameras, strict=False)
     )
     return video_of(pictures, case.fps)
 

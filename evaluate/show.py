@@ -10,7 +10,15 @@ from torch import Tensor
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import join_meshes
-from uvcloth.rendering.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
+from uvcloth.rendering.render import (
+    BODY_COLOR,
+    Color,
+    Surface,
+    contact_sheet,
+    filled_size,
+    render,
+    three_quarter,
+)
 
 from .case import outfit_name
 from .progress import progress
@@ -109,11 +117,12 @@ def method_color(methods: Sequence[str], name: str) -> Color:
 class _Row:
     """One moment of a case, the simulation and every method beside each other.
 
-    place: of the moment among those of all cases. body: (V, 3) m and its faces. garments: (N, 3) m, with the
-    faces (M, 3) of all, and their colours.
+    place: of the moment among those of all cases. size: of each picture. body: (V, 3) m and its faces.
+    garments: (N, 3) m, with the faces (M, 3) of all, and their colours.
     """
 
     place: tuple[int, int]
+    size: tuple[int, int]
     body: Tensor
     body_faces: Tensor
     garments: tuple[Tensor, ...]
@@ -123,9 +132,9 @@ class _Row:
     def run(self) -> tuple[tuple[int, int], list[np.ndarray]]:
         """Draw it: the place, and a picture (h, w, 3) uint8 of each."""
         skin = Surface(self.body, self.body_faces, BODY_COLOR)
-        camera = three_quarter(self.body)
+        camera = three_quarter(torch.cat([self.body, self.garments[0]]), aspect=self.size[0] / self.size[1])
         return self.place, [
-            render([skin, Surface(each, self.faces, color)], camera, PICTURE_SIZE)
+            render([skin, Surface(each, self.faces, color)], camera, self.size)
             for each, color in zip(self.garments, self.colors, strict=True)
         ]
 
@@ -165,12 +174,14 @@ def _rows(number: int, window: Shown, methods: Sequence[str]) -> Iterator[_Row]:
     """The rows of a case with its number."""
     frames, body = _moments(window), window.outfit.body
     colors = (SIMULATION_COLOR, *(method_color(methods, name) for name in list(window.meshes)[1:]))
-    for moment, (frame, posed) in enumerate(
-        zip(frames, posed_skin(body, window.transforms[frames]), strict=True)
-    ):
+    bodies, simulated = posed_skin(body, window.transforms[frames]), next(iter(window.meshes.values()))
+    dressed = torch.cat([bodies, simulated[frames]], 1)
+    middles = (dressed.amin(1, keepdim=True) + dressed.amax(1, keepdim=True)) / 2
+    size = filled_size(dressed - middles, PICTURE_SIZE)
+    for moment, (frame, posed) in enumerate(zip(frames, bodies, strict=True)):
         # Copies: a row of a tensor would travel to another process with all of it.
         garments = tuple(mesh[frame].clone() for mesh in window.meshes.values())
-        yield _Row((number, moment), posed.clone(), body.mesh.faces, garments, window.faces, colors)
+        yield _Row((number, moment), size, posed.clone(), body.mesh.faces, garments, window.faces, colors)
 
 
 def png(image: np.ndarray) -> bytes:

@@ -47,7 +47,7 @@ RIM = 0.10
 EDGE_CONTRAST = 0.03
 """Difference of neighbouring pixels, of [0, 1], above which they are drawn with more rays."""
 
-FRAMING = 1.22
+FRAMING = 1.06
 """Half the picture over what has to be in it."""
 
 
@@ -88,17 +88,37 @@ def three_quarter(
     the picture over its height. framing: half the picture over what has to be in it.
     """
     points = points.reshape(-1, 3).double()
+    right, away, up = _view_axes(turn, rise)
     target = (points.amin(0) + points.amax(0)) / 2
-    turned, risen = np.radians(turn), np.radians(rise)
-    right = torch.tensor([np.cos(turned), np.sin(turned), 0.0], dtype=torch.float64)
-    level = torch.tensor([np.sin(turned), -np.cos(turned), 0.0], dtype=torch.float64)
-    away = level * np.cos(risen) + torch.tensor([0.0, 0.0, np.sin(risen)], dtype=torch.float64)
-    up = torch.linalg.cross(away, right)
     across, along, down = ((points - target) @ axis for axis in (right, away, up))
     half_height = np.tan(np.radians(Camera.view / 2)) / framing
     reach = torch.maximum(down.abs(), across.abs() / aspect)
     x, y, z = (target + (along + reach / half_height).max() * away).tolist()
     return Camera((x, y, z), tuple(target.tolist()))
+
+
+def filled_size(
+    points: Tensor, size: tuple[int, int], turn: float = 30.0, rise: float = 8.0
+) -> tuple[int, int]:
+    """Width and height, both even, of a picture of as many pixels as `size` that points (..., 3) m fill.
+
+    turn, rise: of the `three_quarter` camera. It is at most twice as wide as high, or as high as wide.
+    """
+    points = points.reshape(-1, 3).double()
+    right, _, up = _view_axes(turn, rise)
+    width, height = (float((points @ axis).max() - (points @ axis).min()) for axis in (right, up))
+    aspect = min(max(width / max(height, 1e-9), 0.5), 2.0)
+    high = (size[0] * size[1] / aspect) ** 0.5
+    return 2 * round(aspect * high / 2), 2 * round(high / 2)
+
+
+def _view_axes(turn: float, rise: float) -> tuple[Tensor, Tensor, Tensor]:
+    """Unit vectors (3,) to the right of a picture, towards its camera, and up; degrees."""
+    turned, risen = np.radians(turn), np.radians(rise)
+    right = torch.tensor([np.cos(turned), np.sin(turned), 0.0], dtype=torch.float64)
+    level = torch.tensor([np.sin(turned), -np.cos(turned), 0.0], dtype=torch.float64)
+    away = level * np.cos(risen) + torch.tensor([0.0, 0.0, np.sin(risen)], dtype=torch.float64)
+    return right, away, torch.linalg.cross(away, right)
 
 
 def render(

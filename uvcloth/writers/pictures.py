@@ -23,6 +23,7 @@ from uvcloth.rendering.render import (
     Camera,
     Surface,
     contact_sheet,
+    filled_size,
     render,
     three_quarter,
 )
@@ -33,7 +34,7 @@ VIDEOS, SHEETS = (".mp4", ".gif"), (".png",)
 
 SHEET_COLUMNS = 6
 
-REACH = 0.2
+REACH = 0.1
 """Margin around the joints, metres, that holds body and clothes."""
 
 FITTED_FRAMES = 500
@@ -85,6 +86,22 @@ def camera_path(
     aspect: width of the picture over its height. camera: as a `Shot` has it; close keeps only the joints in
     view that are above the hips and near the middle at rest.
     """
+    path, turned, points = _followed(body, motion, fps, camera)
+    framing = FILLED if camera else FRAMING
+    still = three_quarter(points, TURNS.get(camera, ASIDE), aspect=aspect, framing=framing)
+    eyes, targets = (
+        path + turned @ torch.tensor(place, dtype=path.dtype) for place in (still.eye, still.target)
+    )
+    return [
+        replace(still, eye=tuple(eye), target=tuple(target))
+        for eye, target in zip(eyes.tolist(), targets.tolist(), strict=True)
+    ]
+
+
+def _followed(
+    body: Body, motion: Tensor, fps: float, camera: CameraName | None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """A camera's path (F, 3) m and turns (F, 3, 3), and relative to them the points (..., 3) m to hold."""
     from scipy.ndimage import gaussian_filter1d
 
     joints = joint_positions(body.skeleton, motion)
@@ -101,15 +118,7 @@ def camera_path(
     turned = from_euler("z", torch.from_numpy(angles)[:, None]).to(path.dtype)
     around = ((joints - path[:, None]) @ turned)[:: max(1, len(motion) // FITTED_FRAMES)].reshape(-1, 1, 3)
     corners = torch.cartesian_prod(*[torch.tensor([-REACH, REACH])] * 3)
-    framing = FILLED if camera else FRAMING
-    still = three_quarter(around + corners, TURNS.get(camera, ASIDE), aspect=aspect, framing=framing)
-    eyes, targets = (
-        path + turned @ torch.tensor(place, dtype=path.dtype) for place in (still.eye, still.target)
-    )
-    return [
-        replace(still, eye=tuple(eye), target=tuple(target))
-        for eye, target in zip(eyes.tolist(), targets.tolist(), strict=True)
-    ]
+    return path, turned, around + corners
 
 
 def sheet_moments(frames: int, count: int) -> list[int]:
@@ -144,6 +153,10 @@ class Pictures:
         self._settings = picture_settings(suffix, coarse)
         if shot.size:
             self._settings = replace(self._settings, size=shot.size)
+        elif suffix in SHEETS:
+            _, _, points = _followed(body, motion.cpu(), fps, shot.camera)
+            size = filled_size(points, self._settings.size, TURNS.get(shot.camera, ASIDE))
+            self._settings = replace(self._settings, size=size)
         self._faces, self._body = [mesh.faces for _, mesh in garments], body
         width, height = self._settings.size
         if suffix in VIDEOS and (width % 2 or height % 2):

@@ -38,6 +38,7 @@ from uvcloth.rendering.render import (
     GARMENT_COLORS,
     Surface,
     contact_sheet,
+    filled_size,
     render_frames,
     three_quarter,
 )
@@ -235,8 +236,9 @@ def _sheet(
                     *(Surface(vertices - middle, garment.faces, color) for vertices, garment, color in worn),
                 ]
 
-    camera = three_quarter(posed - middles, aspect=PICTURE_SIZE[0] / PICTURE_SIZE[1])
-    return contact_sheet(list(render_frames(surfaces(), camera, PICTURE_SIZE)), columns=len(posed))
+    size = filled_size(posed - middles, PICTURE_SIZE)
+    camera = three_quarter(posed - middles, aspect=size[0] / size[1])
+    return contact_sheet(list(render_frames(surfaces(), camera, size)), columns=len(posed))
 
 
 def _print(console: Console, lines: Sequence[str]) -> None:
