@@ -10,14 +10,16 @@ plain: the smooth surface. table: the true folds of another moment of training. 
 from the skinned garment without its long waves, times a factor. pooled, local: ridge regression of the
 displacement on the inputs of the same texel, one for all texels, one for each. global: of all texels on
 principal components of all inputs. NAME x GAIN: as it is shown, with its lag, smoothed, and the gain by
-which waves of 20 to 80 mm get their true size on validation. finer cage: the same motion on cages with edges
-of 30 mm.
+which waves of 20 to 80 mm get their true size on validation. cage: the same motion on cages with shorter
+edges. --unseen FOLDER: runs of the garment that the networks were trained on, if it is another one; the
+network, and linear maps of that garment's texels, see the closest places of the judged garment, on their own
+axes, and there are no wrinkles more than UNSERVED away from it.
 """
 
 import math
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
@@ -26,6 +28,7 @@ import numpy as np
 import torch
 import tyro
 from rich.console import Console
+from scipy.spatial import KDTree
 from torch import Tensor
 
 from evaluate.folds import FoldFilters, FoldLooks, band_energies, fold_filters, fold_looks, fold_scores
@@ -33,6 +36,7 @@ from rasterize.gather import gather
 from train.wrinkles.frames import FineTexels, load_frames, run_files, run_frames
 from train.wrinkles.tracked_runs import coarse_garment, load_run
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.mesh import neighbour_average
@@ -41,7 +45,7 @@ from uvcloth.physics.surface import closest_points
 from uvcloth.process.command import run_command
 from uvcloth.wrinkles.inputs import input_maps
 from uvcloth.wrinkles.model import Wrinkles, load_wrinkles
-from uvcloth.wrinkles.sheet import Sheet
+from uvcloth.wrinkles.sheet import Sheet, right_angled
 
 FIRST = 15
 """Frames of a run that are not scored: a finer cage starts from rest in its first pose."""
@@ -80,16 +84,25 @@ class Judged:
     truth: Tensor
     smooth: Tensor
     sharp: Tensor
-    finer: Tensor
+    finer: Mapping[float, Tensor]
     looks: FoldLooks
 
+
+UNSERVED = 0.02
+"""Metres from a garment that a network was trained on, beyond which it has nothing to lend."""
 
 Maker = Callable[[Judged], Tensor]
 """Displacements (T, P, 3, 4) m on the axes of texels, or (T, n, 3) m of the refined mesh in the world."""
 
 
 def judged(
-    path: Path, garment: Garment, body: Body, sheet: Sheet, places: FineTexels, filters: FoldFilters
+    path: Path,
+    garment: Garment,
+    body: Body,
+    sheet: Sheet,
+    places: FineTexels,
+    filters: FoldFilters,
+    edges: Sequence[float],
 ) -> Judged:
     """Read a run, and make what rivals need of it."""
     run = load_run(path)
@@ -98,7 +111,9 @@ def judged(
     coarse = run.coarse[2:]
     skinned = skin(garment.mesh.vertices, garment.smooth_weights, run.transforms)
     away = sheet.refined.at(coarse - skinned)
-    finer = coarse_garment(garment, body, run.transforms.double(), run.fps, "fine")
+    finer = {
+        edge: sheet.refined.at(caged(garment, body, run.transforms, run.fps, edge) - coarse) for edge in edges
+    }
     smooth = sheet.refined.at(coarse)
     return Judged(
         run.fps,
@@ -107,9 +122,16 @@ def judged(
         truth,
         smooth,
         away - filters.passes[0](away).float(),
-        sheet.refined.at(finer - coarse),
+        finer,
         fold_looks(filters, smooth[SCORED].double(), sheet.at_vertices((axes @ truth)[SCORED])),
     )
+
+
+def caged(garment: Garment, body: Body, transforms: Tensor, fps: float, edge: float) -> Tensor:
+    """The garment (T, N, 3) m on a cage with edges of a length, m."""
+    name = f"{1000 * edge:.0f} mm"
+    QUALITIES[name] = edge
+    return coarse_garment(garment, body, transforms.double(), fps, name)
 
 
 def in_world(sheet: Sheet, run: Judged, made: Tensor) -> Tensor:
@@ -259,20 +281,27 @@ class WrinklesBenchmark:
     """Splits that are scored; settings are chosen on validation."""
     rivals: bool = True
     """Fit the rivals, too."""
+    garment: str = "tops"
+    """Template that is judged."""
+    cages: tuple[float, ...] = (0.030, 0.028, 0.026)
+    """Edges of finer cages, m."""
+    unseen: Path | None = None
+    """Runs of the template that the models were trained on, if it is another one."""
 
     @torch.no_grad()
     def run(self) -> None:
         """Print the table."""
         torch.set_num_threads(1)
         body = load_body()
-        garment = load_garment("tops", body)
+        garment = load_garment(self.garment, body)
         sheet = Sheet.of(garment, 128)
         filters = fold_filters(sheet.refined.mesh.vertices, sheet.refined.mesh.faces)
         places = FineTexels(garment, sheet)
         console = Console()
         held = {
             split: [
-                judged(path, garment, body, sheet, places, filters) for path in run_files([self.data], split)
+                judged(path, garment, body, sheet, places, filters, self.cages)
+                for path in run_files([self.data], split)
             ]
             for split in dict.fromkeys(("validation", *self.splits))
         }
@@ -287,7 +316,12 @@ class WrinklesBenchmark:
         console.print(f"| | | {' | '.join(COLUMNS)} |", soft_wrap=True)
         for folder in self.models:
             wrinkles = load_wrinkles(folder, body)
-            make = network(wrinkles, sheet)
+            (trained,) = wrinkles.config.garments
+            if trained == self.garment:
+                make = network(wrinkles, sheet)
+            else:
+                other = Sheet.of(load_garment(trained, body), 128)
+                make = borrowed(Closest.of(other, sheet), network(wrinkles, other))
             shown(folder.name, make)
             late = as_shown(sheet, make, wrinkles.config.lag)
             gain = gain_of(sheet, filters, held["validation"], late)
@@ -296,16 +330,10 @@ class WrinklesBenchmark:
             return
         shown("truth on maps", lambda run: run.truth)
         shown("plain", lambda run: torch.zeros_like(run.truth))
-        shown("finer cage", lambda run: run.finer)
+        for edge in self.cages:
+            shown(f"cage of {1000 * edge:.0f} mm", lambda run, edge=edge: run.finer[edge])
         strength = gain_of(sheet, filters, held["validation"], lambda run: run.sharp)
         shown(f"sharpened x {strength:.1f}", lambda run: strength * run.sharp)
-        frames, _ = load_frames(run_files([self.data], "train"), garment, body, sheet)
-        console.print(f"{len(frames.inputs)} training frames")
-        inputs, table = frames.inputs, frames.wrinkles
-        generator = np.random.default_rng(0)
-
-        def other_moment(run: Judged) -> Tensor:
-            return table[int(generator.integers(len(table) - len(run.truth))) :][: len(run.truth)].float()
 
         def best(names: Sequence[str], makers: Sequence[Maker]) -> tuple[str, Maker]:
             def signed(place: int) -> float:
@@ -314,11 +342,88 @@ class WrinklesBenchmark:
             place = max(range(len(makers)), key=signed)
             return names[place], makers[place]
 
+        if self.unseen:
+            self.show_borrowed(sheet, body, best, shown)
+        frames, _ = load_frames(run_files([self.data], "train"), garment, body, sheet)
+        console.print(f"{len(frames.inputs)} training frames")
+        inputs, table = frames.inputs, frames.wrinkles
+        generator = np.random.default_rng(0)
+
+        def other_moment(run: Judged) -> Tensor:
+            return table[int(generator.integers(len(table) - len(run.truth))) :][: len(run.truth)].float()
+
         shown("table", other_moment)
         shown("mean of each texel", lambda run: table.float().mean(0).expand_as(run.truth))
         shown("pooled", fit_pooled(inputs, table, RIDGES[1]))
         shown(*best([f"local {ridge:g}" for ridge in RIDGES], fit_local(inputs, table, RIDGES)))
         shown(*best([f"global {count}" for count in KEPT], fit_global(inputs, table, KEPT, 1.0)))
+
+    def show_borrowed(
+        self,
+        sheet: Sheet,
+        body: Body,
+        best: Callable[[Sequence[str], Sequence[Maker]], tuple[str, Maker]],
+        shown: Callable[[str, Maker], None],
+    ) -> None:
+        """Fit means and linear maps to the other garment, and judge what this one borrows of them."""
+        assert self.unseen is not None
+        files = run_files([self.unseen], "train")
+        other = load_garment(load_run(files[0]).garment, body)
+        lent = Sheet.of(other, 128)
+        closest, (frames, _) = Closest.of(lent, sheet), load_frames(files, other, body, lent)
+        mean = frames.wrinkles.float().mean(0)
+        shown("mean, unseen", borrowed(closest, lambda run: mean.expand(len(run.truth), -1, -1, -1)))
+        makers = [borrowed(closest, make) for make in fit_local(frames.inputs, frames.wrinkles, RIDGES)]
+        shown(*best([f"local {ridge:g}, unseen" for ridge in RIDGES], makers))
+
+
+@dataclass(frozen=True)
+class Closest:
+    """The texels (P,) of a judged sheet that are closest to those (Q,) of another one, and the way back.
+
+    sheet: the other one. texels: (Q,). turns: (Q, 2, 2) of directions along u and v there into those here.
+    back: (P, 4) quarters, of 4 Q, closest to the quarters of the judged sheet. served: (P,) whether one is.
+    """
+
+    sheet: Sheet
+    texels: Tensor
+    turns: Tensor
+    back: Tensor
+    served: Tensor
+
+    @classmethod
+    def of(cls, sheet: Sheet, judged: Sheet) -> "Closest":
+        """Find them by places at rest."""
+        places = sheet.quarters[:, 0]
+        texels = torch.from_numpy(KDTree(judged.quarters[:, 0]).query(places)[1])
+        tangents, others = (each.forms(each.mesh.points)[1] for each in (sheet, judged))
+        turns = right_angled(tangents.mT @ others[texels])
+        away, back = KDTree(sheet.quarters.flatten(0, 1)).query(judged.quarters.flatten(0, 1))
+        served = torch.from_numpy(away).unflatten(0, (-1, 4)).amin(1) < UNSERVED
+        return cls(sheet, texels, turns, torch.from_numpy(back).unflatten(0, (-1, 4)), served)
+
+
+def borrowed(closest: Closest, make: Maker) -> Maker:
+    """What a maker of another garment makes of the closest places of a judged one."""
+    turns, texels, back = closest.turns, closest.texels, closest.back
+
+    def borrow(run: Judged) -> Tensor:
+        rows = run.inputs[:, texels].clone()
+        (a, b), (c, d) = (row.unbind(1) for row in turns.unbind(1))
+        for k in range(0, 12, 3):
+            uu, vv, uv = run.inputs[:, texels, k : k + 3].unbind(2)
+            rows[..., k] = a * a * uu + b * b * vv + 2.0 * a * b * uv
+            rows[..., k + 1] = c * c * uu + d * d * vv + 2.0 * c * d * uv
+            rows[..., k + 2] = a * c * uu + b * d * vv + (a * d + b * c) * uv
+        rows[..., 12:15] = closest.sheet.rest_bend
+        rows[..., 15:17] = (turns @ rows[..., 15:17, None])[..., 0]
+        rows[..., 19:22] = closest.sheet.quarters[:, 0]
+        made = make(replace(run, inputs=rows))
+        plane = turns.mT @ made[:, :, :2]
+        quarters = torch.cat([plane, made[:, :, 2:]], dim=2).transpose(2, 3).flatten(1, 2)
+        return (quarters[:, back] * closest.served[:, None, None]).transpose(2, 3)
+
+    return borrow
 
 
 def as_shown(sheet: Sheet, make: Maker, lag: float) -> Maker:

@@ -34,7 +34,7 @@ ROUNDS = 5
 
 
 @torch.no_grad()
-def main(run: tyro.conf.Positional[Path], model: Path = SHIPPED) -> None:
+def main(run: tyro.conf.Positional[Path], model: Path = SHIPPED / "tops") -> None:
     """Print the table."""
     torch.set_num_threads(1)
     console, tracked = Console(), load_run(run)

@@ -2,8 +2,8 @@
 
     python benchmarks/wrinkles_picture.py DATA RUN ... --out wrinkles.png
 
-Rows: tracking cloth, networks, with --finer cages of the quality `fine`, the smooth surface of the cage; each
-is cleared from the skin. Columns: a moment of each run of the split, by default the one with the largest true
+Rows: tracking cloth, networks, cages with the edges of --cages, m, the smooth surface of the cage; each is
+cleared from the skin. Columns: a moment of each run of the split, by default the one with the largest true
 folds, half of them from behind.
 """
 
@@ -14,10 +14,11 @@ import imageio.v3 as iio
 import numpy as np
 import torch
 import tyro
+from wrinkles import caged
 
 import uvcloth.rendering.render as studio
 from train.wrinkles.frames import FineTexels, run_files, run_frames
-from train.wrinkles.tracked_runs import LED_IN, coarse_garment, load_run
+from train.wrinkles.tracked_runs import LED_IN, load_run
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.garment import Outfit
@@ -40,21 +41,22 @@ def main(
     out: Path,
     split: str = "test",
     at: int | None = None,
-    finer: bool = False,
+    cages: tuple[float, ...] = (),
+    garment: str = "tops",
     size: tuple[int, int] = (300, 330),
 ) -> None:
     """Draw the picture."""
     torch.set_num_threads(1)
     studio.KEY_DIRECTION = RAKING
     body = load_body()
-    garment = load_garment("tops", body)
-    sheet = Sheet.of(garment, 128)
+    template = load_garment(garment, body)
+    sheet = Sheet.of(template, 128)
     mesh = sheet.refined.mesh
     clearing = OutfitClearing.of(body, [mesh])
-    places = FineTexels(garment, sheet)
-    outfit, loaded = Outfit(body, (garment,)), [load_wrinkles(folder, body) for folder in models]
-    networks = [WrinkledOutfit(each, outfit, [garment.mesh], each.config.quality) for each in loaded]
-    rows: list[list[np.ndarray]] = [[] for _ in range(len(networks) + 2 + finer)]
+    places = FineTexels(template, sheet)
+    outfit, loaded = Outfit(body, (template,)), [load_wrinkles(folder, body) for folder in models]
+    networks = [WrinkledOutfit(each, outfit, [template.mesh], each.config.quality) for each in loaded]
+    rows: list[list[np.ndarray]] = [[] for _ in range(len(networks) + 2 + len(cages))]
     for column, path in enumerate(run_files([data], split)):
         run = load_run(path)
         _, truth, axes = run_frames(sheet, body, run, places.offsets(run, path))
@@ -66,8 +68,8 @@ def main(
             for now in range(max(0, frame - LED_IN), frame + 1):
                 (made,) = wrinkled.shown((run.coarse[now + 2],), posed[now], run.fps)
             shown.append(made)
-        if finer:
-            moved = coarse_garment(garment, body, run.transforms.double(), run.fps, "fine")
+        for edge in cages:
+            moved = caged(template, body, run.transforms, run.fps, edge)
             shown.append(sheet.refined.at(moved[frame]))
         for row, vertices in zip(rows, (*shown, smooth), strict=True):
             (cleared,) = clearing.cleared([vertices], posed[frame])

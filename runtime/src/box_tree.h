@@ -7,13 +7,7 @@
 
 namespace uvc {
 
-// Three numbers in one register; the fourth is 0.
-typedef float Four __attribute__((vector_size(16)));
-typedef int32_t FourMask __attribute__((vector_size(16)));
-
 UVC_INLINE Four four(Vec a) { return Four{a.x, a.y, a.z, 0}; }
-UVC_INLINE Four least(Four a, Four b) { return b < a ? b : a; }
-UVC_INLINE Four most(Four a, Four b) { return b > a ? b : a; }
 UVC_INLINE bool any(FourMask mask) {
     uint64_t halves[2];
     __builtin_memcpy(halves, &mask, sizeof(halves));

@@ -90,9 +90,9 @@ class Grid {
     template <class Act> void look(int from, int to, const Around &around, Act act) const {
         for (int first = starts_.at(from), last = starts_.at(to); first < last; first += LANES) {
             Lanes apart = squares(0, first, around.place);
-            LaneMask counts = (squares(3, first, around.rest) >= SQUARE) |
-                              (load(columns_[6].data + first) != around.garment);
-            unsigned near = bits((apart < SQUARE) & counts);
+            LaneMask counts = is_at_most(Lanes{} + SQUARE, squares(3, first, around.rest)) |
+                              ~is_same(load(columns_[6].data + first), around.garment);
+            unsigned near = bits(is_below(apart, Lanes{} + SQUARE) & counts);
             if (last - first < LANES) near &= (1u << (last - first)) - 1;
             while (near) {
                 int lane = take(near);

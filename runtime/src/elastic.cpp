@@ -55,7 +55,7 @@ UVC_INLINE void scatter(LaneVec f, const int32_t *vertices, Force *forces) {
 // which stiffens as a knit does, Biot's in compression, so that squeezed cloth does not give way.
 UVC_INLINE void strain_of(Lanes squared, Lanes &strain, Lanes &slope) {
     Lanes stretch = root(squared);
-    LaneMask is_long = squared > 1.0f;
+    LaneMask is_long = is_below(Lanes{} + 1.0f, squared);
     strain = choose(is_long, 0.5f * (squared - 1.0f), stretch - 1.0f);
     slope = choose(is_long, Lanes{} + 1.0f, 1.0f / stretch);
 }
@@ -65,7 +65,7 @@ UVC_INLINE void strain_of(Lanes squared, Lanes &strain, Lanes &slope) {
 // of -1, where the face is flat; or shirts would ruck up on hips and stay so.
 UVC_INLINE void reduce(float reduction, Lanes strain, Lanes &reduced, Lanes &slope) {
     float stiffening = reduction - 1.0f;
-    LaneMask is_long = strain > 0.0f;
+    LaneMask is_long = is_below(Lanes{}, strain);
     slope = choose(is_long, Lanes{} + 1.0f, reduction + stiffening * strain);
     reduced = choose(is_long, strain, strain * (reduction + 0.5f * stiffening * strain));
 }

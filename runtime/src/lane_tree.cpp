@@ -25,7 +25,7 @@ UVC_INLINE Lanes outside(const Block &block, LaneVec point) {
     closest_barycentrics(ap, block.ab, block.ac, v, w);
     LaneVec away = ap - v * block.ab - w * block.ac;
     Lanes squares = dot(away, away);
-    return choose(squares >= 0.0f, squares, Lanes{} + FAR);
+    return choose(is_at_most(Lanes{}, squares), squares, Lanes{} + FAR);
 }
 
 // The best face so far, and the square of its distance; `limit` is that of a box in which none is better,
@@ -46,7 +46,7 @@ struct Best {
         float low = lowest(squares);
         if (!(low <= squared)) return;
         if (low < squared) face = tree.faces.size;
-        for (unsigned lanes = bits(squares == low); lanes;)
+        for (unsigned lanes = bits(is_same(squares, Lanes{} + low)); lanes;)
             face = least(face, tree.order.at(LANES * block + take(lanes)));
         squared = low;
         limit = spared();
@@ -213,17 +213,17 @@ int closest_face(const LaneTree &tree, FittedTree &fitted, Vec point, float reac
         int node = stack[top], first = tree.nodes.at(node).first;
         if (node < tree.patches && !fitted.is_fitted.at(node)) fit_patch(tree, node, fitted);
         Lanes squares = outside(fitted.boxes.at(node), from);
-        LaneMask is_near = squares <= best.limit;
+        LaneMask is_near = is_at_most(squares, Lanes{} + best.limit);
         best.beyond = least(best.beyond, choose(is_near, Lanes{} + FAR, squares));
         unsigned lanes = bits(is_near);
         if (!lanes) continue;
         // The nearest child is the next one: what is found in it rules most of the others out. Beside one whose
         // distance is no number, the least number may be that of no child.
-        unsigned nearest = bits(squares == lowest(squares)) & lanes;
+        unsigned nearest = bits(is_same(squares, Lanes{} + lowest(squares))) & lanes;
         lanes &= ~nearest;
         if (node < tree.patches) {
             while (nearest) best.look(tree, fitted, first + take(nearest), from);
-            for (lanes &= bits(squares <= best.limit); lanes;) {
+            for (lanes &= bits(is_at_most(squares, Lanes{} + best.limit)); lanes;) {
                 int lane = take(lanes);
                 if (squares[lane] <= best.limit) best.look(tree, fitted, first + lane, from);
             }

@@ -48,17 +48,17 @@ UVC_INLINE void closest_barycentrics(LaneVec ap, LaneVec ab, LaneVec ac, Lanes &
     Lanes share = 1.0f / (to_a + to_b + to_c), none{};
     v = to_b * share, w = to_c * share;
     Lanes one = none + 1.0f, d43 = d4 - d3, d56 = d5 - d6, along = d43 / (d43 + d56);
-    LaneMask is_on = (to_a <= 0.0f) & (d43 >= 0.0f) & (d56 >= 0.0f);
+    LaneMask is_on = is_at_most(to_a, none) & is_at_most(none, d43) & is_at_most(none, d56);
     v = choose(is_on, one - along, v), w = choose(is_on, along, w);
-    is_on = (to_b <= 0.0f) & (d2 >= 0.0f) & (d6 <= 0.0f);
+    is_on = is_at_most(to_b, none) & is_at_most(none, d2) & is_at_most(d6, none);
     v = choose(is_on, none, v), w = choose(is_on, d2 / (d2 - d6), w);
-    is_on = (to_c <= 0.0f) & (d1 >= 0.0f) & (d3 <= 0.0f);
+    is_on = is_at_most(to_c, none) & is_at_most(none, d1) & is_at_most(d3, none);
     v = choose(is_on, d1 / (d1 - d3), v), w = choose(is_on, none, w);
-    is_on = (d6 >= 0.0f) & (d5 <= d6);
+    is_on = is_at_most(none, d6) & is_at_most(d5, d6);
     v = choose(is_on, none, v), w = choose(is_on, one, w);
-    is_on = (d3 >= 0.0f) & (d4 <= d3);
+    is_on = is_at_most(none, d3) & is_at_most(d4, d3);
     v = choose(is_on, one, v), w = choose(is_on, none, w);
-    is_on = (d1 <= 0.0f) & (d2 <= 0.0f);
+    is_on = is_at_most(d1, none) & is_at_most(d2, none);
     v = choose(is_on, none, v), w = choose(is_on, none, w);
 }
 

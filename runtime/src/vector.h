@@ -15,6 +15,10 @@ typedef int32_t LaneMask __attribute__((vector_size(32)));
 
 constexpr int LANES = 8;
 
+// Four numbers in one register everywhere: half of these lanes, or a vector of three and a 0.
+typedef float Four __attribute__((vector_size(16)));
+typedef int32_t FourMask __attribute__((vector_size(16)));
+
 // A squared length that is negligible beside any other, so that divisions by it are defined.
 constexpr float TINY = 1e-20f;
 
@@ -30,10 +34,54 @@ UVC_INLINE Lanes root(Lanes a) {
     for (int k = 0; k < LANES; k++) r[k] = __builtin_sqrtf(a[k]);
     return r;
 }
+UVC_INLINE Four least(Four a, Four b) { return b < a ? b : a; }
+UVC_INLINE Four most(Four a, Four b) { return b > a ? b : a; }
+
+// Comparisons, and choices by them. Where registers are shorter than eight numbers, gcc compares and chooses one
+// number at a time, unless it is done by halves here.
+#if defined(__AVX__) || defined(__clang__)
+UVC_INLINE LaneMask is_below(Lanes a, Lanes b) { return a < b; }
+UVC_INLINE LaneMask is_at_most(Lanes a, Lanes b) { return a <= b; }
+UVC_INLINE LaneMask is_same(Lanes a, Lanes b) { return a == b; }
 UVC_INLINE Lanes choose(LaneMask condition, Lanes a, Lanes b) { return condition ? a : b; }
-UVC_INLINE Lanes absolute(Lanes a) { return choose(a < 0.0f, -a, a); }
 UVC_INLINE Lanes least(Lanes a, Lanes b) { return choose(b < a, b, a); }
 UVC_INLINE Lanes most(Lanes a, Lanes b) { return choose(b > a, b, a); }
+#else
+template <class To, class From> UVC_INLINE To same_bits(From from) {
+    To to;
+    __builtin_memcpy(&to, &from, sizeof(to));
+    return to;
+}
+
+template <class Whole> struct Halves {
+    Whole first, second;
+};
+
+UVC_INLINE Lanes choose(LaneMask condition, Lanes a, Lanes b) {
+    return same_bits<Lanes>((same_bits<LaneMask>(a) & condition) | (same_bits<LaneMask>(b) & ~condition));
+}
+UVC_INLINE LaneMask is_below(Lanes a, Lanes b) {
+    auto one = same_bits<Halves<Four>>(a), other = same_bits<Halves<Four>>(b);
+    return same_bits<LaneMask>(Halves<FourMask>{one.first < other.first, one.second < other.second});
+}
+UVC_INLINE LaneMask is_at_most(Lanes a, Lanes b) {
+    auto one = same_bits<Halves<Four>>(a), other = same_bits<Halves<Four>>(b);
+    return same_bits<LaneMask>(Halves<FourMask>{one.first <= other.first, one.second <= other.second});
+}
+UVC_INLINE LaneMask is_same(Lanes a, Lanes b) {
+    auto one = same_bits<Halves<Four>>(a), other = same_bits<Halves<Four>>(b);
+    return same_bits<LaneMask>(Halves<FourMask>{one.first == other.first, one.second == other.second});
+}
+UVC_INLINE Lanes least(Lanes a, Lanes b) {
+    auto one = same_bits<Halves<Four>>(a), other = same_bits<Halves<Four>>(b);
+    return same_bits<Lanes>(Halves<Four>{least(one.first, other.first), least(one.second, other.second)});
+}
+UVC_INLINE Lanes most(Lanes a, Lanes b) {
+    auto one = same_bits<Halves<Four>>(a), other = same_bits<Halves<Four>>(b);
+    return same_bits<Lanes>(Halves<Four>{most(one.first, other.first), most(one.second, other.second)});
+}
+#endif
+UVC_INLINE Lanes absolute(Lanes a) { return choose(is_below(a, Lanes{}), -a, a); }
 UVC_INLINE Lanes most(Lanes a, float b) { return most(a, Lanes{} + b); }
 UVC_INLINE Lanes least(float a, Lanes b) { return least(Lanes{} + a, b); }
 

@@ -260,7 +260,8 @@ Measured measure(const Walls &walls, int row, Array<OpposingTiles> facing) {
             LaneVec other = load_columns(tile.normal);
             Lanes square = dot(away, away), rest = 1.0f - (1.0f / SQUARE) * square;
             Lanes against = (1.0f / (1.0f + FACING)) * (FACING - dot(normal, other));
-            LaneMask counts = (dot(at_start, at_start) < SQUARE) & (rest > 0.0f) & (against > 0.0f);
+            LaneMask counts = is_below(dot(at_start, at_start), Lanes{} + SQUARE) & is_below(Lanes{}, rest) &
+                              is_below(Lanes{}, against);
             Lanes share = against * (rest / (square + 0.5f * (own.core[lane] + load(tile.core))));
             share = choose(counts, share * share, Lanes{});
             LaneVec plane = share * other;

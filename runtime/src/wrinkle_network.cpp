@@ -15,7 +15,7 @@ constexpr float FARTHEST_DISPLACED = 0.2f;
 // The polynomial is that of Taylor for 2^x on [-0.5, 0.5].
 UVC_INLINE Lanes exponential(Lanes a) {
     Lanes power = least(Lanes{} + 126.0f, most(Lanes{} - 126.0f, 1.44269504f * a));
-    Lanes rounded = power + choose(power < 0.0f, Lanes{} - 0.5f, Lanes{} + 0.5f);
+    Lanes rounded = power + choose(is_below(power, Lanes{}), Lanes{} - 0.5f, Lanes{} + 0.5f);
     LaneMask whole = __builtin_convertvector(rounded, LaneMask);
     Lanes x = power - __builtin_convertvector(whole, Lanes);
     Lanes part = 0.00961812911f + x * (0.00133335581f + x * 0.000154035304f);

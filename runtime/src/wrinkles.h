@@ -16,9 +16,9 @@ struct WrinkledGarment {
     int garment, points, texels, vertices;
 };
 
-// Garments of an outfit with wrinkles. cloth, faces: of all garments. thickness: (U) m of other cloth between a point and the body. gain:
-// factor on displacements. lag: s after which they have gone 63 % of the way to new ones. points: U; texels,
-// vertices: of all these garments.
+// Garments of an outfit with wrinkles. cloth, faces: of all garments. thickness: (U) m of other cloth between
+// a point and the body. gain: factor on displacements. lag: s after which they have gone 63 % of the way to new
+// ones. points: U; texels, vertices: of all these garments.
 struct Wrinkles {
     WrinkleNetwork network;
     Array<WrinkledGarment> garments;

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -15,6 +16,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.lbs import LBS
+from uvcloth.methods.method import Method
 from uvcloth.methods.physics.method import Physics
 from uvcloth.physics.surface import BodySurface
 from uvcloth.rollouts.rollout import JUMPED, RolloutFrame
@@ -59,6 +61,24 @@ def test_a_missing_network_is_named(body: Body, tmp_path: Path) -> None:
     outfit = ProxiedOutfit.as_is(Outfit(body, (fit_template("tops", body),)))
     with pytest.raises(InputError, match="not a trained model"):
         visible_outfit(replace(COMMAND, wrinkles_from=tmp_path), Physics(), outfit)
+
+
+def test_pictures_of_a_t_shirt_have_wrinkles_unless_they_are_plain(body: Body) -> None:
+    def refined(name: str = "tops", on: Body = body, method: Method | None = None, **options: Any) -> bool:
+        outfit = ProxiedOutfit.as_is(Outfit(on, (fit_template(name, body),)))
+        command = replace(COMMAND, **{"wrinkles": False, "out": (Path("a.mp4"), Path("b.png")), **options})
+        return visible_outfit(command, method or Physics(), outfit).wrinkled is not None
+
+    assert refined()
+    assert not refined(plain=True)
+    assert not refined(out=(Path("a.mp4"), Path("a.glb")))
+    assert not refined(loop=True)
+    assert not refined(quality="fast")
+    assert not refined("bottoms")
+    assert not refined(on=replace(body, name="other"))
+    assert not refined(method=LBS.create(LBS.config))
+    with pytest.raises(InputError, match="--wrinkles: --plain leaves them out"):
+        replace(COMMAND, plain=True).run()
 
 
 def test_wrinkles_on_a_t_shirt_and_plain_trousers(body: Body, run: Path) -> None:

@@ -20,7 +20,7 @@ from uvcloth.motion.options import MotionOptions
 from uvcloth.player.baked import BakedFile, open_baked
 from uvcloth.player.outfit import Cloth, Outfit
 from uvcloth.player.sections import pack, unpack
-from uvcloth.wrinkles.model import SHIPPED, load_wrinkles
+from uvcloth.wrinkles.model import load_wrinkles, shipped_for
 from uvcloth.wrinkles.outfit import WrinkledOutfit
 
 FPS = 30.0
@@ -69,7 +69,8 @@ def test_what_is_played_is_what_a_rollout_shows(
 ) -> None:
     """Within the rounding of the network, 0.1 mm; folds have millimetres."""
     shirt = fit_template("tops", body)
-    shown = WrinkledOutfit(load_wrinkles(SHIPPED, body), WornOutfit(body, (shirt,)), [shirt.mesh], "default")
+    outfit = WornOutfit(body, (shirt,))
+    shown = WrinkledOutfit(load_wrinkles(shipped_for(outfit), body), outfit, [shirt.mesh], "default")
     posed = posed_skin(body, torch.from_numpy(joints)).float()
     frames = zip(played(Outfit(baked.content), joints), played(plain, joints), posed, strict=True)
     for index, (wrinkled, smooth, skin) in enumerate(frames):

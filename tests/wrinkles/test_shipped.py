@@ -1,4 +1,6 @@
-"""The network in the package."""
+"""The networks in the package."""
+
+from pathlib import Path
 
 import pytest
 import torch
@@ -11,15 +13,24 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.refined import Refined
 from uvcloth.garments.templates import fit_template
 from uvcloth.physics.surface import BodySurface
-from uvcloth.wrinkles.model import SHIPPED, load_wrinkles
+from uvcloth.wrinkles.model import SHIPPED, load_wrinkles, shipped_for
 from uvcloth.wrinkles.outfit import WrinkledOutfit
 
 
-def test_it_is_small_and_no_person_is_in_two_splits() -> None:
-    assert sum(file.stat().st_size for file in SHIPPED.iterdir()) < 3e6
-    clips = load_checkpoint(SHIPPED).data.clips
+@pytest.mark.parametrize("folder", sorted(SHIPPED.iterdir()), ids=lambda folder: folder.name)
+def test_it_is_small_and_no_person_is_in_two_splits(folder: Path, body: Body) -> None:
+    assert sum(file.stat().st_size for file in folder.iterdir()) < 1.5e6
+    clips = load_checkpoint(folder).data.clips
     assert len(clips["train"]) > 20
     assert not {*clips["train"].values()} & {*clips["validation"].values()}
+    assert load_wrinkles(folder, body).config.garments == (folder.name,)
+
+
+def test_the_outermost_garment_chooses_the_network(body: Body, shirt: Garment) -> None:
+    trousers, long = (fit_template(name, body) for name in ("bottoms", "shirt"))
+    assert shipped_for(Outfit(body, (shirt, long, trousers))).name == "shirt"
+    assert shipped_for(Outfit(body, (long, shirt))).name == "tops"
+    assert shipped_for(Outfit(body, (trousers,))).name == "tops"
 
 
 def squeezed(vertices: Tensor, share: float) -> Tensor:
@@ -41,7 +52,7 @@ def shirt(body: Body) -> Garment:
 
 def test_a_raised_hem_folds(body: Body, shirt: Garment) -> None:
     """The T-shirt is squeezed by a fifth along its height below the arms: folds appear, of millimetres."""
-    wrinkles = load_wrinkles(SHIPPED, body)
+    wrinkles = load_wrinkles(SHIPPED / "tops", body)
     assert wrinkles.unsupported_reason(shirt, "default") == ""
     wrinkled = WrinkledOutfit(wrinkles, Outfit(body, (shirt,)), [shirt.mesh], "default")
     refined = Refined.of(shirt.mesh)
@@ -60,7 +71,7 @@ def test_a_raised_hem_folds(body: Body, shirt: Garment) -> None:
 
 def test_the_runtime_shows_what_the_network_makes_in_pytorch(body: Body, shirt: Garment) -> None:
     """Within 0.02 mm but for one vertex of a thousand, where the sides of skin that folds differ."""
-    wrinkles = load_wrinkles(SHIPPED, body)
+    wrinkles = load_wrinkles(SHIPPED / "tops", body)
     reference = WrinkledInTorch(wrinkles, shirt)
     runtime = WrinkledOutfit(wrinkles, Outfit(body, (shirt,)), [shirt.mesh], "default")
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)

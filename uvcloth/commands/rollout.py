@@ -72,6 +72,8 @@ class Rollout(Command):
     ] = None
     quality: Quality = "default"
     wrinkles: Wrinkled = False
+    plain: bool = False
+    """No wrinkles in videos and pictures, which have them where a network in the package serves a garment."""
     wrinkles_from: WrinklesFrom = None
     template: Annotated[
         tuple[TemplateName | Literal["auto"], ...],
@@ -132,5 +134,7 @@ class Rollout(Command):
             raise InputError("--loop: --preview leaves out frames that a loop needs, choose one of the two")
         if self.wrinkles_from and not self.wrinkles:
             raise InputError("--wrinkles-from: goes with --wrinkles")
+        if self.wrinkles and self.plain:
+            raise InputError("--wrinkles: --plain leaves them out, choose one of the two")
         if self.wrinkles and self.loop:
             raise InputError("--wrinkles: cannot be closed into a loop yet, leave out --loop")

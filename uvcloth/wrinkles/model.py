@@ -9,15 +9,24 @@ from typing import Any
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import Checkpoint, TrainingData, body_record, load_checkpoint, restored
 from uvcloth.errors import InputError
-from uvcloth.garments.garment import Garment
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.physics.fabric import JERSEY
 from uvcloth.wrinkles.network import WrinkleConfig, WrinkleNet
 
 METHOD = "wrinkles"
 """Name in a checkpoint."""
 
+TRAINED_BODY = "default"
+"""Name of the body that the networks in the package were trained on."""
+
 SHIPPED = Path(str(files("uvcloth"))) / "data" / "wrinkles"
-"""Folder of the trained network in the package."""
+"""Folder of the trained networks in the package, a folder for each template."""
+
+
+def shipped_for(outfit: Outfit) -> Path:
+    """Folder of the packaged network of the outermost garment that has one; of T-shirts if none has."""
+    folders = [SHIPPED / garment.template for garment in outfit.garments if garment.template]
+    return next((folder for folder in reversed(folders) if folder.is_dir()), SHIPPED / "tops")
 
 
 @dataclass(frozen=True)

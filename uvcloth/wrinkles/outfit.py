@@ -117,6 +117,11 @@ class WrinkledOutfit:
             raise InputError(f"--wrinkles: {error}") from error
         self._counts = [len(sheet.refined.mesh.vertices) for sheet in self._sheets.values()]
 
+    @property
+    def serves(self) -> bool:
+        """Whether there are wrinkles on any garment."""
+        return bool(self._sheets)
+
     def begin(self) -> None:
         """Forget the frames before: the next one follows nothing."""
         if self._maker is not None:

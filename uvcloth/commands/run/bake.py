@@ -24,7 +24,7 @@ from uvcloth.methods.physics.outfit import PhysicsConfig, bake_outfit
 from uvcloth.motion.lead_in import pose_from_rest
 from uvcloth.motion.library import load_clip
 from uvcloth.player.baked import ClothSkin
-from uvcloth.wrinkles.model import SHIPPED, load_wrinkles
+from uvcloth.wrinkles.model import load_wrinkles, shipped_for
 from uvcloth.wrinkles.outfit import WrinkledSheets
 from uvcloth.writers.glb import Document
 from uvcloth.writers.gltf_cloth import add_cloth, add_cloth_skin, add_own_body, animate_cloth
@@ -96,7 +96,7 @@ def _wrinkled(command: Bake, outfit: Outfit, report: Callable[[str], None]) -> W
     """The garments with wrinkles, None for none; says which they are."""
     if not command.wrinkles:
         return None
-    wrinkles = load_wrinkles(command.wrinkles_from or SHIPPED, outfit.body)
+    wrinkles = load_wrinkles(command.wrinkles_from or shipped_for(outfit), outfit.body)
     wrinkled = WrinkledSheets.of(wrinkles, outfit, command.quality)
     for line in wrinkled.lines:
         report(line)

@@ -11,8 +11,9 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.method import Method
 from uvcloth.methods.physics.method import Physics
 from uvcloth.rollouts.rollout import JUMPED, RolloutFrame
-from uvcloth.wrinkles.model import SHIPPED, load_wrinkles
+from uvcloth.wrinkles.model import TRAINED_BODY, load_wrinkles, shipped_for
 from uvcloth.wrinkles.outfit import WrinkledOutfit
+from uvcloth.writers.pictures import SHEETS, VIDEOS
 
 
 @dataclass(frozen=True)
@@ -57,13 +58,24 @@ class VisibleOutfit:
 def visible_outfit(command: Rollout, method: Method, proxied: ProxiedOutfit) -> VisibleOutfit:
     """The outfit as the files of a command show it.
 
-    Raises InputError for wrinkles if their network cannot be read, or if no cage of the cloth solver moves
-    the garments.
+    Videos and pictures on the default body have wrinkles where a network of the package serves a garment,
+    unless --plain.
+    Raises InputError for wrinkles that were asked for if their network cannot be read, or if no cage of the
+    cloth solver moves the garments.
     """
-    if not command.wrinkles:
-        return VisibleOutfit(proxied)
     if not isinstance(method, Physics):
-        raise InputError(f"--wrinkles: lie on what the cloth solver moves, not on {method.name}")
-    folder = command.wrinkles_from or SHIPPED
+        if command.wrinkles:
+            raise InputError(f"--wrinkles: lie on what the cloth solver moves, not on {method.name}")
+        return VisibleOutfit(proxied)
+    if not (command.wrinkles or (_only_pictures(command) and proxied.outfit.body.name == TRAINED_BODY)):
+        return VisibleOutfit(proxied)
+    folder = command.wrinkles_from or shipped_for(proxied.outfit)
     wrinkles = load_wrinkles(folder, proxied.outfit.body)
-    return VisibleOutfit(proxied, WrinkledOutfit(wrinkles, proxied.outfit, proxied.meshes, command.quality))
+    wrinkled = WrinkledOutfit(wrinkles, proxied.outfit, proxied.meshes, command.quality)
+    return VisibleOutfit(proxied, wrinkled if command.wrinkles or wrinkled.serves else None)
+
+
+def _only_pictures(command: Rollout) -> bool:
+    """Whether all that a command writes is finished videos and pictures, of cloth that may have wrinkles."""
+    other = command.plain or command.view or command.preview or command.loop
+    return not other and all(path.suffix.lower() in (*VIDEOS, *SHEETS) for path in command.out)
