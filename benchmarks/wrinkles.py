@@ -331,7 +331,7 @@ class WrinklesBenchmark:
         shown("truth on maps", lambda run: run.truth)
         shown("plain", lambda run: torch.zeros_like(run.truth))
         for edge in self.cages:
-            shown(f"cage of {1000 * edge:.0f} mm", lambda run, edge=edge: run.finer[edge])
+            shown(f"cage of {1000 * edge:.0f} mm", on_cage(edge))
         strength = gain_of(sheet, filters, held["validation"], lambda run: run.sharp)
         shown(f"sharpened x {strength:.1f}", lambda run: strength * run.sharp)
 
@@ -445,6 +445,11 @@ def as_shown(sheet: Sheet, make: Maker, lag: float) -> Maker:
 def lagged(before: Tensor, now: Tensor, fps: float, lag: float) -> Tensor:
     """Values that follow new ones, now, from those of the frame before with a lag, s."""
     return now if lag == 0.0 else now + math.exp(-1.0 / (fps * lag)) * (before - now)
+
+
+def on_cage(edge: float) -> Maker:
+    """What a finer cage makes."""
+    return lambda run: run.finer[edge]
 
 
 def multiplied(gain: float, make: Maker) -> Maker:

@@ -119,7 +119,7 @@ class WrinkledOutfit:
 
     @property
     def serves(self) -> bool:
-        """Whether there are wrinkles on any garment."""
+        """True if there are wrinkles on any garment."""
         return bool(self._sheets)
 
     def begin(self) -> None:

@@ -76,6 +76,6 @@ def visible_outfit(command: Rollout, method: Method, proxied: ProxiedOutfit) -> 
 
 
 def _only_pictures(command: Rollout) -> bool:
-    """Whether all that a command writes is finished videos and pictures, of cloth that may have wrinkles."""
+    """True if all that a command writes is finished videos and pictures, of cloth that may have wrinkles."""
     other = command.plain or command.view or command.preview or command.loop
     return not other and all(path.suffix.lower() in (*VIDEOS, *SHEETS) for path in command.out)
