@@ -29,12 +29,14 @@ from uvcloth.motion.library import load_clip
 from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulation import batch, quality_check
 from uvcloth.simulation import plan as planning
-from uvcloth.simulation.batch import simulate_batch
+from uvcloth.simulation.batch import chosen_engine, simulate_batch
+from uvcloth.simulation.blender import Blender
+from uvcloth.simulation.engines import ENGINES
 from uvcloth.simulation.explicit import Explicit
 from uvcloth.simulation.plan import ClipSelection, Job
 from uvcloth.simulation.progress import FramesBar, progress_text
 from uvcloth.simulation.quality_check import MAX_INSIDE_PERCENT, examine
-from uvcloth.simulation.workers import Workers, forgotten
+from uvcloth.simulation.workers import ONE_PER_CORE, Workers, forgotten
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"
 
@@ -237,6 +239,12 @@ def test_garments_that_would_share_files_are_refused(body: Body, tmp_path: Path)
     with pytest.raises(InputError, match="garment tops: another one is also named tops"):
         simulate_batch(ClipSelection(["walk"]), [["tops"], ["tops"]], tmp_path, body)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_even_mesh_is_refused_where_the_engine_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(ENGINES, "blender", lambda: Blender("python", "4.5.15"))
+    with pytest.raises(InputError, match=r"--edge 0\.012: needs the explicit engine, blender simulates"):
+        chosen_engine("blender", None, ONE_PER_CORE, 0.012)
 
 
 def test_places_and_numbers_that_cannot_be_are_refused(body: Body, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from rasterize.charts import boundary_loops
+from tests.simulation.physics.scenes import sheet
 from uvcloth.bodies.body import Body
 from uvcloth.dataset.folder import MEMBERS
 from uvcloth.errors import InputError
@@ -95,6 +96,17 @@ def test_it_is_another_mesh_of_the_same_surface(dress: EngineMesh, rest: torch.T
     assert float(back.max()) < 0.01
 
 
+def test_edges_have_the_length_that_is_asked_for() -> None:
+    """Also where the surface has fewer and larger triangles; its four corners are cut off."""
+    vertices, faces = sheet(0.3, 0.2, 7, 5)
+    mesh = other_mesh(vertices, faces, 0.012)
+    lengths = edge_lengths(mesh.vertices, unique_edges(mesh.faces))
+    assert float(lengths.mean()) == pytest.approx(0.012, rel=0.1)
+    off = (mesh.at_garment(mesh.at_cage(vertices)) - vertices).norm(dim=1).sort().values
+    assert float(off[-5]) < 1e-3
+    assert float(off[-1]) < 0.012
+
+
 def test_hems_lie_on_hems(dress: EngineMesh, rest: torch.Tensor, mesh: Cage) -> None:
     assert len(boundary_loops(mesh.faces.numpy())) == len(boundary_loops(dress.faces.numpy()))
     start, end = rest[boundary_edges(dress.faces)].unbind(1)
@@ -143,5 +155,9 @@ def test_members_differ_in_substeps_and_mesh() -> None:
     assert (meshed, both) == (Remeshed(Falling()), Remeshed(Falling(substeps=12.0)))
     assert both.describe()["settings"] == {"substeps": 12.0, "mesh": "remeshed"}
     assert both.with_fabric(FABRICS["silk"]) == Remeshed(Falling(FABRICS["silk"], 12.0))
+    even = Remeshed(Falling(), 0.012)
+    assert member_engine(even, 1) == Remeshed(Falling(substeps=12.0), 0.012)
+    assert member_engine(even, 3) == Remeshed(Falling(substeps=12.0), 0.95 * 0.012)
+    assert even.describe()["settings"] == {"substeps": 8.0, "mesh": "remeshed", "edge": 0.012}
     with pytest.raises(InputError, match=r"members need the explicit engine, blender\.cloth cannot change"):
         member_engine(Blender("python", "4.5.15"), 1)

@@ -27,4 +27,6 @@ def member_engine(engine: Engine, member: int) -> Engine:
     if mesh and find_spec("pyacvd") is None:
         raise InputError("ensemble members on another mesh need the remesher: install uvcloth[body]")
     stepped = engine.with_more_substeps(MORE_SUBSTEPS) if substeps else engine
-    return Remeshed(stepped) if mesh else stepped
+    if not mesh:
+        return stepped
+    return stepped.on_another_mesh() if isinstance(stepped, Remeshed) else Remeshed(stepped)

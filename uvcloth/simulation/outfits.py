@@ -42,6 +42,7 @@ def simulate_outfits(
     engine: str = "explicit",
     fabric: str | None = None,
     workers: Workers = ONE_PER_CORE,
+    edge: float | None = None,
 ) -> None:
     """Simulate every outfit of a folder over one window of its split, its garments together, on its body.
 
@@ -50,7 +51,7 @@ def simulate_outfits(
     OUT/bodies; what is there already is kept. Outfits of a split without windows are left
     out. Raises InputError as `simulate_batch` does, for a folder without outfits, and if all are left out.
     """
-    made_by = chosen_engine(engine, None, workers)
+    made_by = chosen_engine(engine, None, workers, edge)
     if frames is not None and frames < 1:
         raise InputError(f"--most-frames {frames}: has to be 1 or more")
     outfits = [load_outfit_file(path) for path in outfit_files(folder)]

@@ -44,6 +44,7 @@ def simulate_plan(
     engine: str = "explicit",
     fabric: str | None = None,
     workers: Workers = ONE_PER_CORE,
+    edge: float | None = None,
 ) -> None:
     """Simulate every row of a plan into OUT; what is there already is kept.
 
@@ -52,7 +53,7 @@ def simulate_plan(
     a copy of the plan lies in it. Raises InputError, before anything is simulated, as `simulate_batch` does,
     and as `read_plan` does, naming the faulty row.
     """
-    made_by = chosen_engine(engine, fabric, workers)
+    made_by = chosen_engine(engine, fabric, workers, edge)
     rows = ordered(read_plan(plan))
     _require_members(plan, rows, made_by)
     stock = _Stock(plan, clips_from or plan.parent)

@@ -1,5 +1,6 @@
 """Simulation on another mesh of the same garment: how much of a result is due to the mesh."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -7,17 +8,26 @@ from typing import Any, Self
 import numpy as np
 import torch
 from torch import Tensor
+from trimesh.triangles import area
 
 from rasterize.charts import face_components
 from uvcloth.garments.cage import Cage
 from uvcloth.garments.remesh import remesh, surface_of
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.physics.fabric import Fabric
-from uvcloth.simulation.engine import Engine, Frame, Scene
+from uvcloth.simulation.engine import Frame, Scene, SubstepEngine
+
+FEWEST = 12
+"""Least number of vertices of a remeshed piece."""
+
+OTHER_EDGE = 0.95
+"""Factor on the length of edges that makes another mesh of one whose edges are given."""
 
 
-def other_mesh(vertices: Tensor, faces: Tensor) -> Cage:
-    """Remesh a surface (N, 3) m, (M, 3) to triangles of about one size, with no more vertices than it has.
+def other_mesh(vertices: Tensor, faces: Tensor, edge: float | None = None) -> Cage:
+    """Remesh a surface (N, 3) m, (M, 3) to triangles of about one size.
+
+    edge: m, length of their edges; None for no more vertices than the surface has.
 
     It is a cage with all of the surface's vertices. Each connected piece is remeshed by itself, its hems stay
     on its hems; the same surface gives the same mesh. Raises InputError as `remesh` does.
@@ -30,7 +40,8 @@ def other_mesh(vertices: Tensor, faces: Tensor) -> Cage:
     for piece in range(int(pieces.max()) + 1):
         kept, triangles = faces[pieces == piece].unique(return_inverse=True)
         surface = vertices[kept].double().numpy()
-        points, new_faces = remesh(surface, triangles.numpy(), len(kept))
+        count = len(kept) if edge is None else _count(vertices[kept], triangles, edge)
+        points, new_faces = remesh(surface, triangles.numpy(), count)
         placed = torch.from_numpy(points).float(), torch.from_numpy(new_faces)
         closest = surface_of(surface, triangles.numpy()).closest(placed[0])
         back = surface_of(points, new_faces).closest(vertices[kept])
@@ -45,27 +56,44 @@ def other_mesh(vertices: Tensor, faces: Tensor) -> Cage:
     )
 
 
+def _count(vertices: Tensor, faces: Tensor, edge: float) -> int:
+    """Vertices of a mesh of equilateral triangles, of which it has twice as many, on a surface."""
+    square_metres = float(area(vertices[faces].double().numpy()).sum())
+    return max(FEWEST, round(square_metres / (edge**2 * math.sqrt(0.75))))
+
+
 @dataclass(frozen=True)
 class Remeshed:
     """An engine that simulates another mesh of the cloth, and carries its motion back to the scene's.
 
-    Vertices of the scene follow the other mesh by the interpolated offset from the skinned garment.
+    Vertices of the scene follow the other mesh by the interpolated offset from the skinned garment. edge: m,
+    length of its edges, as `other_mesh` has it.
     """
 
-    engine: Engine
+    engine: SubstepEngine
+    edge: float | None = None
 
     def describe(self) -> dict[str, Any]:
         """Describe the engine, as `Engine` says; its settings include the change of the mesh."""
         described = self.engine.describe()
-        return {**described, "settings": {**described["settings"], "mesh": "remeshed"}}
+        length = {} if self.edge is None else {"edge": self.edge}
+        return {**described, "settings": {**described["settings"], "mesh": "remeshed", **length}}
 
     def with_fabric(self, fabric: Fabric) -> Self:
         """Make the same engine for cloth of another fabric."""
         return replace(self, engine=self.engine.with_fabric(fabric))
 
+    def with_more_substeps(self, share: float) -> Self:
+        """Make the same engine with 1 + share times as many substeps."""
+        return replace(self, engine=self.engine.with_more_substeps(share))
+
+    def on_another_mesh(self) -> Self:
+        """Make the same engine for a mesh that differs by chance: with somewhat shorter edges."""
+        return replace(self, edge=None if self.edge is None else OTHER_EDGE * self.edge)
+
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield the frames as `Engine` says. Raises InputError as the engine and `other_mesh` do."""
-        mesh = other_mesh(scene.rest, scene.faces)
+        mesh = other_mesh(scene.rest, scene.faces, self.edge)
         other = scene_on(scene, mesh)
         for frame in self.engine.simulate(other, _recalled(after, len(other.rest))):
             offsets = frame.vertices - other.skinned[frame.index]

@@ -14,13 +14,15 @@ def run(command: Simulate) -> None:
     out, engine, fabric = command.out, command.engine, command.fabric
     workers = Workers(command.jobs, command.scheduler)
     if command.plan:
-        simulate_plan(command.plan, out, command.clips_from, engine, fabric, workers)
+        simulate_plan(command.plan, out, command.clips_from, engine, fabric, workers, command.edge)
         return
     selection = ClipSelection(
         command.clips, command.windows, command.clips_from, command.split, command.options
     )
     if command.outfits:
-        simulate_outfits(command.outfits, selection, out, command.most_frames, engine, fabric, workers)
+        simulate_outfits(
+            command.outfits, selection, out, command.most_frames, engine, fabric, workers, command.edge
+        )
         return
     simulate_batch(
         selection,
@@ -31,4 +33,5 @@ def run(command: Simulate) -> None:
         fabric=fabric,
         ensemble=command.ensemble,
         workers=workers,
+        edge=command.edge,
     )
