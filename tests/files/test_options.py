@@ -71,7 +71,7 @@ ROLLOUT = ("rollout", "--motion", "walk", "--garment", "tops")
         (("view", "--data", "nope.npz"), "--data nope.npz: no such file"),
         (("view", "--port", "99999"), "--port 99999: expected 1 to 65535"),
         (("view", "--host", "a b"), "--host a b: expected an address"),
-        (("view", "--threads", "0"), "--threads 0: expected 1 to 1024"),
+        ((*ROLLOUT, "--out", "x.glb", "--threads", "0"), "--threads 0: expected 1 to 1024"),
         (("data", "nope"), "nope: no such folder"),
         (("maps", "walk.npz", "--out", "x", "--frames", "1.5"), "walk.npz: no such file"),
         (("maps", CLIP, "--out", "x", "--frames", "1.5"), "--frames 1.5: expected FIRST:END:STEP"),

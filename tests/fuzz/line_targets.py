@@ -28,7 +28,7 @@ CONFIG = str(DATA / "models" / "pbns" / "config.json")
 CLIP, SKIRT = str(DATA / "clips" / "walk.npz"), str(DATA / "garments" / "miniskirt.obj")
 
 LINES: dict[str, str] = {
-    "view": "walk --garment tops --model physics --port 8080 --host 127.0.0.1 --threads 1",
+    "view": "walk --garment tops --model physics --port 8080 --host 127.0.0.1",
     "motion": "walk --out a.png --fps 30 --frames 0:20 --rest-frame 3 --up z --in-place",
     "fit": f"{SKIRT} --template dress --garment-pose a --shift 0 0 0.1 --scale 0.1 --turn 90 --out a.obj",
     "rollout": "--motion walk --garment bottoms tops --tuck tops:bottoms --loop --out a.glb a.mp4 "

@@ -14,8 +14,6 @@ from uvcloth.commands.options import (
     BodyFile,
     Dynamics,
     Fabric,
-    FromBody,
-    GarmentPose,
     Garments,
     MotionFile,
 )
@@ -33,8 +31,6 @@ class Export(Command):
     """File to write: .glb, .usdc or .usd."""
     garment: Garments = ()
     """Templates, for DeePSD garment files too, the innermost first. PBNS contains its garments."""
-    garment_pose: GarmentPose = None
-    from_body: FromBody = None
     fabric: Fabric = None
     """Fabric of the garments, for DeePSD models."""
     dynamics: Dynamics = None

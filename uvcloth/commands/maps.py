@@ -29,5 +29,3 @@ class Maps(Command):
     """Frames, as a Python slice."""
     body: BodyFile = None
     """The body that the sequence was simulated on."""
-    layout: Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the body's)"), NPZ] = None
-    """Another UV layout of that body."""

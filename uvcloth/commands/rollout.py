@@ -18,7 +18,6 @@ from uvcloth.commands.options import (
     GarmentPose,
     GarmentsInOrder,
     Holds,
-    Host,
     Models,
     MotionFile,
     Port,
@@ -110,9 +109,7 @@ class Rollout(Command):
     view: bool = False
     """Show the frames in the browser while they are computed, until Ctrl-C."""
     port: Port = 8080
-    """Port of the live view, 1 to 65535."""
-    host: Host = "127.0.0.1"
-    """Address that the live view listens on; 0.0.0.0 admits other machines that have the token."""
+    """Port of the live view on this machine, 1 to 65535."""
     hide_skin: Annotated[
         bool,
         arg(

@@ -7,7 +7,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from uvcloth.commands.command import Command
-from uvcloth.commands.options import MOTION, NPZ, BodyFile, Garments, Host, Port, Threads
+from uvcloth.commands.options import MOTION, NPZ, BodyFile, Garments, Host, Port
 from uvcloth.files.options import InputPath, Several
 from uvcloth.methods.registry import DEFAULT, METHODS
 
@@ -41,5 +41,3 @@ class View(Command):
     """Port of the page, 1 to 65535. Its address has a token, without which requests are refused."""
     host: Host = "127.0.0.1"
     """Address to listen on; 0.0.0.0 admits other machines that have the token."""
-    threads: Threads = 1
-    """Number of CPU threads."""

@@ -11,7 +11,6 @@ from uvcloth.bodies.body import load_body
 from uvcloth.commands.export import Export
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_files
-from uvcloth.garments.fit import Fitting
 from uvcloth.garments.loading import load_outfit
 from uvcloth.methods.capabilities import Riggable, with_dynamics
 from uvcloth.methods.method import Method, require_fabric_read
@@ -86,8 +85,7 @@ def export(command: Export) -> Exported:
     console = Console(stderr=True)
     with console.status("preparing"):
         report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
-        how = Fitting(command.garment_pose, from_body=command.from_body)
-        worn = load_outfit(command.garment, body, report, how=how, fabric=fabric)
+        worn = load_outfit(command.garment, body, report, fabric=fabric)
         pose_rig = _riggable(method).as_rig(body, worn)
         require_own_names(out, [name for name, _ in pose_rig.garments])
         clip = None

@@ -12,7 +12,6 @@ from uvcloth.commands.maps import Maps
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
 from uvcloth.files.image import atomic_image, write_png
-from uvcloth.formats.layout_file import load_layout
 
 
 def run(command: Maps) -> None:
@@ -24,7 +23,7 @@ def run(command: Maps) -> None:
 def draw_maps(command: Maps) -> int:
     """Write one EXR file per frame of a sequence, and contact_sheet.png; returns the number of frames.
 
-    Raises InputError for bad input, and for another body or layout than the sequence's.
+    Raises InputError for bad input, and for another body than the sequence's.
     """
     path, out, size = command.sequence, command.out, command.size
     clip = load_simulated(path)
@@ -32,10 +31,8 @@ def draw_maps(command: Maps) -> int:
     body = load_body(command.body)
     if len(body.skeleton.names) != clip.transforms.shape[1]:
         raise InputError(f"{path}: was not simulated on the body {body.name}, their skeletons differ")
-    layout = load_layout(command.layout) if command.layout else layout_of(body)
+    layout = layout_of(body)
     rest, faces = body.mesh.vertices, body.mesh.faces
-    if int(layout.faces.max()) >= len(faces):
-        raise InputError(f"{command.layout}: this layout was not made for the body {body.name}")
     frames = _frames(command.frames, len(garment.vertices))
     texels = rasterize_layout(layout, size)
     hits = see_garment(rest, faces, garment.rest, garment.faces, texels)

@@ -55,7 +55,7 @@ EVERY_IN_PREVIEW = 3
 
 def run(command: Rollout) -> None:
     """Write the files and print a summary. Raises InputError for bad input."""
-    audience = live_audience(command.host, command.port) if command.view else nullcontext()
+    audience = live_audience(command.port) if command.view else nullcontext()
     with limited_threads(command.threads), audience as watching:
         print("\n".join(animate(command, watching).lines()), flush=True)
 

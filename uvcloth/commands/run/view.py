@@ -19,7 +19,7 @@ from uvcloth.view.viewer import Viewer
 
 def run(command: View) -> None:
     """Serve the page until Ctrl-C. Raises InputError for bad input."""
-    with limited_threads(command.threads):
+    with limited_threads(1):
         view(command)
 
 
@@ -74,12 +74,12 @@ class LiveAudience:
 
 
 @contextmanager
-def live_audience(host: str, port: int) -> Iterator[LiveAudience]:
+def live_audience(port: int) -> Iterator[LiveAudience]:
     """Show what the block computes; after it, go on showing that until Ctrl-C.
 
     Raises InputError as `view` does.
     """
-    viewer, console = _opened(host, port), Console(stderr=True)
+    viewer, console = _opened("127.0.0.1", port), Console(stderr=True)
     audience = LiveAudience(viewer)
     ticking = threading.Thread(target=viewer.run, name="page", daemon=True)
     ticking.start()
