@@ -18,7 +18,6 @@ from torch import Tensor
 from tests.simulation.skinned import skinned_sequence
 from tests.small_body import small_body
 from uvcloth.bodies.body import Body
-from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.run.view import LiveAudience
 from uvcloth.commands.view import View
 from uvcloth.dataset.clip_file import save_simulated
