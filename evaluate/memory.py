@@ -35,7 +35,7 @@ def rollout_memory(candidates: Sequence[Candidate], cases: Cases) -> dict[str, d
     dressing = assigned(candidates, cases.outfits, cases.data)
     first = {opener.outfit: opener for opener in reversed(cases.openers)}
     jobs = [
-        _Job(each.name, name, each.method, cases.outfits[name], case.motion[:MEMORY_FRAMES], case.fps)
+        _MemoryJob(each.name, name, each.method, cases.outfits[name], case.motion[:MEMORY_FRAMES], case.fps)
         for name, opener in first.items()
         for case in [opener.load()]
         for each in dressing[name]
@@ -52,7 +52,7 @@ def rollout_memory(candidates: Sequence[Candidate], cases: Cases) -> dict[str, d
 
 
 @dataclass(frozen=True)
-class _Job:
+class _MemoryJob:
     """A method by name, and an outfit by name, over joint transforms (F, J, 3, 4)."""
 
     name: str
@@ -63,7 +63,7 @@ class _Job:
     fps: float
 
 
-def _measure(job: _Job) -> tuple[str, str, float]:
+def _measure(job: _MemoryJob) -> tuple[str, str, float]:
     torch.set_num_threads(1)
     gc.collect()
     before = process_megabytes("VmRSS")

@@ -33,6 +33,9 @@ WORDS = re.compile(r"\b(taught|nearer|told apart|anew|held by a test|who moves|d
 PARTICIPLES = {"found": 0, "chosen": 0, "own": 0, "moved": 0, "seen": 0}
 """Participles as names say little: how many there are at most. Lower a number when you rename some."""
 
+DOUBLED = {"Body", "Cloth", "Outfit", "Sheet"}
+"""Classes of one name: of the solver beside the body, and of the runtime, as its header calls them."""
+
 OPENINGS = ("What", "How", "Whether", "Which", "Where")
 """No docstring begins with one."""
 
@@ -68,6 +71,16 @@ def counted() -> Counter[str]:
     for path in FILES:
         found.update(name.strip("_") for name in names_in(path))
     return found
+
+
+def test_a_class_name_stands_for_one_thing() -> None:
+    classes = Counter(
+        node.name
+        for path in FILES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef)
+    )
+    assert {name for name, count in classes.items() if count > 1} == DOUBLED
 
 
 def test_the_glossary_is_in_order() -> None:

@@ -49,7 +49,7 @@ HELD_OUT = 6
 
 
 @dataclass(frozen=True)
-class _Job:
+class _OutfitJob:
     number: int
     body: Path
     settings: Outfits
@@ -84,7 +84,7 @@ def make_outfits(settings: Outfits) -> None:
 def _make_missing(settings: Outfits) -> None:
     bodies = _bodies(settings)
     jobs = [
-        _Job(number, wearer(number, bodies, settings.seed), settings)
+        _OutfitJob(number, wearer(number, bodies, settings.seed), settings)
         for number in range(1, settings.count + 1)
     ]
     todo = [job for job in jobs if not _is_there(job)]
@@ -111,7 +111,7 @@ def split_of(number: int) -> str:
     return SPLITS[max(0, number % 10 - 7)]
 
 
-def _make(job: _Job) -> _Made:
+def _make(job: _OutfitJob) -> _Made:
     """Make and write one outfit, its pieces first."""
     import torch
 
@@ -149,11 +149,11 @@ def _make(job: _Job) -> _Made:
     return _Made(made.refused)
 
 
-def _path(job: _Job) -> Path:
+def _path(job: _OutfitJob) -> Path:
     return job.settings.out / f"o{job.number:04d}.json"
 
 
-def _is_there(job: _Job) -> bool:
+def _is_there(job: _OutfitJob) -> bool:
     """Test for an outfit that was made before. Raises InputError if it was made with other settings."""
     path = _path(job)
     if not path.is_file():
