@@ -27,7 +27,7 @@ from uvcloth.commands.body import MakeBody, Phenotype
 from uvcloth.commands.run.body import make
 from uvcloth.errors import InputError
 from uvcloth.garments.templates import load_template, tailored
-from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.roles import joint_roles
 from uvcloth.physics.surface import BodySurface
@@ -293,12 +293,12 @@ def test_characters_that_cannot_be_dressed_are_refused(body: Body, tmp_path: Pat
         match=r"odd\.glb: no joint of the character is the .*right shin.*left hand|left hand.*right shin",
     ):
         body_from_character(path, body)
-    on_leg = torch.isin(body.regions, torch.tensor([REGIONS.index("thigh"), REGIONS.index("calf")]))
-    legless = [Piece("Body", "skin", body.mesh.faces[~on_leg])]
-    write_character(path, body, legless)
+    heads = body.skeleton.heads * torch.tensor([1.0, 1.0, 0.6])
+    crouched = replace(body, skeleton=replace(body.skeleton, heads=heads))
+    write_character(path, crouched, [Piece("Body", "skin", body.mesh.faces)])
     with pytest.raises(
         InputError,
-        match=r"odd\.glb: .* of the thigh has no counterpart .*; .*character\.png shows what was taken",
+        match=r"odd\.glb: .* of the torso stands more than .*; .*character\.png shows what was taken",
     ):
         make(MakeBody(tmp_path / "b.npz", character=path))
     picture = OpenImageIO.ImageInput.open(str(tmp_path / "character.png")).read_image(format="uint8")
@@ -307,6 +307,32 @@ def test_characters_that_cannot_be_dressed_are_refused(body: Body, tmp_path: Pat
         body_from_character(tmp_path / "odd.obj", body)
     with pytest.raises(InputError, match=r"odd\.glb: has its own shape"):
         make(MakeBody(tmp_path / "b.npz", character=path, phenotype=Phenotype(height=0.5)))
+
+
+def test_our_shape_stands_in_where_skin_was_taken_away(body: Body, tmp_path: Path) -> None:
+    """As MakeHuman and VRoid Studio do beneath clothes, which may be the garment to dress."""
+    path, covered = tmp_path / "cut.glb", body.regions == REGIONS.index("torso")
+    write_character(path, body, [Piece("Body", "skin", body.mesh.faces[~covered])])
+    cut = body_from_character(path, body)
+    assert any("of the torso has nothing of the character near it" in line for line in cut.lines())
+    torso = region_vertices(body, ("torso",))
+    assert float((cut.body.mesh.vertices - body.mesh.vertices)[torso].norm(dim=1).max()) < 0.015
+
+
+def test_a_skirt_over_bare_legs_is_left_out_though_a_shirt_is_skin(body: Body) -> None:
+    torso, thigh = (body.regions == REGIONS.index(region) for region in ("torso", "thigh"))
+    faces = body.mesh.faces
+
+    def part(material: str, shown: torch.Tensor, off: float = 0.0) -> Part:
+        vertices = body.mesh.vertices + off * vertex_normals(body.mesh.vertices, faces)
+        return Part(
+            "hero", material, Mesh(vertices, faces[shown], torch.zeros(0, 2), faces[shown]), body.weights
+        )
+
+    skin, shirt, skirt = part("skin", ~torso), part("tops", torso, 0.01), part("skirt", thigh, 0.05)
+    sorted_parts = sort_parts([skin, shirt, skirt], body.skeleton.names)
+    assert sorted_parts.surface == (skin, shirt)
+    assert sorted_parts.left_out == (skirt,)
 
 
 @pytest.mark.skipif(not CESIUM_MAN.is_file(), reason=f"no {CESIUM_MAN}")

@@ -13,22 +13,23 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from rasterize.layout import unwrap
 from rasterize.raycast import closest_points
 from uvcloth.bodies.body import REGIONS, Appearance, Body, Proxy
 from uvcloth.bodies.stature import stature
 from uvcloth.characters.enclosed import without_enclosed
 from uvcloth.characters.look import polygons_of_parts
-from uvcloth.characters.parts import Sorted, sort_parts
+from uvcloth.characters.parts import Sorted, is_clothing, sort_parts
 from uvcloth.characters.props import split_props
 from uvcloth.characters.reader import Part, read_character
 from uvcloth.characters.registration import lifted, limbs_of, match, register
 from uvcloth.characters.rig import RiggedCharacter, rig_character
-from uvcloth.characters.shape import SkinnedSurface, rough_fit
+from uvcloth.characters.shape import POINTS, SkinnedSurface, region_of, rough_fit
 from uvcloth.errors import InputError
 from uvcloth.formats.gltf_mesh import read_materials
 from uvcloth.geometry.authored import AuthoredMesh, UvSet, polygons_of
-from uvcloth.geometry.mesh import Mesh, join_meshes, neighbour_average
+from uvcloth.geometry.mesh import Mesh, face_normals, join_meshes, neighbour_average, unit_face_normals
 from uvcloth.geometry.skinning import diffuse_weights, skin
 from uvcloth.physics.surface import BodySurface
 
@@ -41,8 +42,11 @@ OUTLYING = 0.012
 FARTHEST = 0.02
 """Distance from the character, over its height, beyond which a vertex has no counterpart on it."""
 
-LEAST_PLACED = 0.85
-"""Least share of a region's vertices that have a counterpart."""
+MOST_OUT = 0.15
+"""Greatest share of a region that may stand FARTHEST out of the surface: cloth would not cover it."""
+
+HIDDEN = 0.05
+"""Least share of a region without a counterpart that the report names."""
 
 DIFFUSION = 0.01
 """Metres over which the character's weights are smoothed."""
@@ -74,7 +78,9 @@ class CharacterBody:
         """Report of the meshes and of how well the surface fits, line by line."""
         appearance = self.body.appearance
         missing = dict.fromkeys(polygons_of(appearance.mesh).missing if appearance else ())
-        near = 1000.0 * self.off[region_vertices(self.body, CLOTHED)]
+        far = FARTHEST * stature(self.body)
+        off = self.off[region_vertices(self.body, CLOTHED)]
+        near = 1000.0 * off[off < far]
         return [
             f"{self.rigged.name}: {len(self.rigged.roles)} joints with a role, unit {self.rigged.unit}; "
             f"limbs are turned by up to {self.rigged.turned:.0f} degrees to the rest pose of our bodies",
@@ -82,8 +88,18 @@ class CharacterBody:
             f"  {len(appearance.mesh.vertices) if appearance else 0} vertices are shown; cloth collides with "
             f"a closed surface of {len(self.off)} vertices; its distance from the character's on trunk "
             f"and limbs: median {near.median():.1f} mm, 95 % below {near.quantile(0.95):.1f} mm",
+            *(
+                f"  {100 * share:.0f} % of the {region.replace('_', ' ')} has nothing of the character near "
+                "it: our shape, at the lengths of its bones, stands in there"
+                for region in CLOTHED
+                if (share := self._hidden(region, far)) > HIDDEN
+            ),
             *([f"  left out: {_listed(missing)}"] if missing else []),
         ]
+
+    def _hidden(self, region: str, far: float) -> float:
+        """Share of a region's vertices without a counterpart, which is as far away as that."""
+        return float((self.off[region_vertices(self.body, (region,))] >= far).float().mean())
 
 
 def _listed(names: Iterable[str]) -> str:
@@ -123,7 +139,7 @@ def body_from_character(
             skeleton=rigged.skeleton,
             weights=fitted.weights,
         )
-        _refuse_unfit(body, off)
+        _refuse_unfit(body, _joined([part for part in surface if not is_clothing(part)] or surface))
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     deformation = _Deformation(pattern, rough, body)
@@ -176,17 +192,25 @@ def _region_numbers(regions: Iterable[str]) -> Tensor:
     return torch.tensor([REGIONS.index(region) for region in regions])
 
 
-def _refuse_unfit(body: Body, off: Tensor) -> None:
-    """Raise InputError naming a region of which too few vertices have a counterpart on the character."""
-    height = stature(body)
+def _refuse_unfit(body: Body, skin: SkinnedSurface) -> None:
+    """Raise InputError naming a region where too much of the character's skin stands out of the surface."""
+    far = FARTHEST * stature(body)
+    points, moved_by = skin.sample(POINTS)
+    closest = closest_points(points, body.mesh.vertices, body.mesh.faces)
+    outwards = unit_face_normals(body.mesh.vertices, body.mesh.faces)[closest.face]
+    away = points - gather(body.mesh.vertices, body.mesh.faces[closest.face], closest.barycentrics)
+    out = ((away * outwards).sum(1) > 0) & (closest.distance > far)
+    areas, of_skin = (face_normals(each.vertices, each.faces).norm(dim=1) for each in (body.mesh, skin))
     for region in CLOTHED:
-        distance = off[region_vertices(body, (region,))]
-        placed = float((distance < FARTHEST * height).float().mean())
-        if placed < LEAST_PLACED:
+        number = REGIONS.index(region)
+        joints = torch.tensor([region_of(name) == region for name in body.skeleton.names])
+        there = (joints[moved_by] & out).float().mean() * of_skin.sum()
+        share = float(there / areas[body.regions == number].sum())
+        if share > MOST_OUT:
             raise InputError(
-                f"{100 * (1 - placed):.0f} % of the {region.replace('_', ' ')} has no counterpart on the "
-                "character's surface: its proportions are too far from a person's, or a mesh is missing "
-                "there (--keep)"
+                f"{100 * share:.0f} % of the {region.replace('_', ' ')} stands more than {1000 * far:.0f} mm "
+                "out of the surface that cloth would lie on: joints may be taken for others (--joints), or "
+                "its proportions are too far from a person's"
             )
 
 

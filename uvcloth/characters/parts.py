@@ -1,7 +1,8 @@
 """Parts of a character: skin or a substitute for it, visible parts without contact, and parts to leave out.
 
 Cloth lies on skin. Hair, eyes and the like are only visible. A character's own clothes are left out where
-there is skin beneath them. Where there is none, as in games that leave covered skin out, they serve as skin.
+there is skin beneath them: all of them if it covers the body, else those that lie over it, as a skirt over
+bare legs. The others serve as skin, as in games that leave covered skin out.
 """
 
 import re
@@ -12,9 +13,13 @@ from difflib import get_close_matches
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
+from rasterize.raycast import cast_rays
+from uvcloth.characters.enclosed import JUST_ABOVE
 from uvcloth.characters.reader import Part
 from uvcloth.errors import InputError
-from uvcloth.geometry.mesh import face_normals
+from uvcloth.geometry.mesh import face_normals, join_meshes, unit_face_normals, vertex_normals
+from uvcloth.physics.exposure import spread
 
 LOOKS = (
     r"hair|brow|lash|beard|mustache|moustache|eye|iris|cornea|pupil|sclera|tear|teeth|tooth|tongue|gum|mouth|"
@@ -39,6 +44,9 @@ FEET = ("Foot", "ToeBase")
 
 HANGS = 0.25
 """Share of the blend weights that are of spring bones from which on a part is clothes, whatever its names."""
+
+DEEPEST, LEAST_OVER, RAYS = 0.3, 0.5, 1000
+"""Metres beneath clothes that skin is looked for, the share of them that has to be over it, and rays."""
 
 LEAST_SHARE = 0.35
 """Least share of skin in an area of skin and clothes that counts as covered by skin."""
@@ -90,7 +98,7 @@ def sort_parts(
     feet = _moving(joints, FEET)
     for place, kind in fate.items():
         if kind == "clothes":
-            below = worn_over_skin and (
+            below = (worn_over_skin or _is_over(parts[place], skin)) and (
                 barefoot or _area([parts[place]], feet) < _area([parts[place]], ~feet)
             )
             fate[place] = "left out" if below else "surface"
@@ -155,6 +163,20 @@ def _named_kind(part: Part) -> str:
         if any(re.fullmatch(CLOTHES, word) for word in words):
             return "clothes"
     return "surface"
+
+
+def _is_over(part: Part, skin: Sequence[Part]) -> bool:
+    """True if skin is beneath a part, nearly wherever one looks."""
+    if not skin:
+        return False
+    body = join_meshes((each.mesh.vertices, each.mesh.faces) for each in skin)
+    sample = spread(part.mesh.vertices, part.mesh.faces, RAYS)
+    normals = gather(vertex_normals(part.mesh.vertices, part.mesh.faces), sample.corners, sample.barycentrics)
+    points = sample.points(part.mesh.vertices) + JUST_ABOVE * normals
+    hits = cast_rays(points, -normals, body.vertices, body.faces, max_distance=DEEPEST, both_ways=False)
+    facing = unit_face_normals(body.vertices, body.faces)[hits.face.clamp(min=0)]
+    over = (hits.face >= 0) & ((facing * normals).sum(1) > 0)
+    return float(over.float().mean()) >= LEAST_OVER
 
 
 def _covers(

@@ -1,8 +1,9 @@
 """Registration: our body's surface moved onto a character's, so that each vertex keeps its place on the body.
 
 Non-rigid ICP (Amberg et al. 2007) with displacements instead of affine maps. In each iteration, every vertex
-is matched with the closest point of the character that belongs to the same limb and faces the same way. Then
-the displacements D minimize sum w |D - (closest - start)|^2 + stiffness |L D|^2 over the mesh, with L its
+is matched with the closest point of the character that belongs to the same limb, faces the same way, is
+not on a border, beyond which there is no surface (Turk and Levoy 1994), and is near the vertex also when seen
+from there. Then the displacements D minimize sum w |D - (closest - start)|^2 + stiffness |L D|^2 over the mesh, with L its
 Laplacian. The stiffness falls from iteration to iteration.
 """
 
@@ -17,7 +18,15 @@ from torch import Tensor
 from rasterize.gather import gather
 from rasterize.raycast import closest_points
 from uvcloth.characters.shape import SkinnedSurface
-from uvcloth.geometry.mesh import laplacian, neighbour_average, unit_face_normals, vertex_normals
+from uvcloth.geometry.mesh import (
+    boundary_edges,
+    edge_keys,
+    laplacian,
+    neighbour_average,
+    unit_face_normals,
+    vertex_normals,
+    weld,
+)
 
 Array = NDArray[np.float64]
 
@@ -35,6 +44,12 @@ TOLERANCE, ITERATIONS = 3e-3, 120
 
 FACING = 0.4
 """Least cosine between the normals of a vertex and its match."""
+
+ASIDE, LEAST_ASIDE = 0.7, 0.01
+"""How far from a vertex the point closest to its match may be, over the match's distance, and m of any."""
+
+ON_BORDER = 1e-3
+"""Barycentric coordinate below which a match is on the side opposite to that corner."""
 
 LEAST_LIMB = 0.15
 """Least weight of a limb in a face for it to hold matches of that limb."""
@@ -88,7 +103,7 @@ def register(start: SkinnedSurface, target: SkinnedSurface, limbs: Tensor) -> Te
 
 
 def match(surface: SkinnedSurface, target: SkinnedSurface, limbs: Tensor, reach: float) -> Matches:
-    """Find the closest point of the target for each vertex, on the same limb, facing the same way.
+    """Find the closest point of the target for each vertex, on the limb that faces its way, off borders.
 
     reach: greatest distance of a match, m.
     """
@@ -97,6 +112,7 @@ def match(surface: SkinnedSurface, target: SkinnedSurface, limbs: Tensor, reach:
     facing = unit_face_normals(target.vertices, target.faces)
     own_limb = _by_limb(surface.weights, limbs).argmax(1)
     face_limbs = _by_limb(target.weights, limbs)[target.faces].mean(1)
+    border = _border_sides(target)
     hit = torch.zeros(count, dtype=torch.bool)
     points, weights = surface.vertices.clone(), surface.weights.clone()
     for limb in limbs.unique().tolist():
@@ -106,11 +122,16 @@ def match(surface: SkinnedSurface, target: SkinnedSurface, limbs: Tensor, reach:
             continue
         hits = closest_points(surface.vertices[rows], target.vertices, target.faces[faces])
         met = faces[hits.face]
-        good = (hits.distance < reach) & ((facing[met] * normals[rows]).sum(1) > FACING)
+        beyond = (border[met] & (hits.barycentrics < ON_BORDER)).any(1)
+        good = (hits.distance < reach) & ((facing[met] * normals[rows]).sum(1) > FACING) & ~beyond
+        there = gather(target.vertices, target.faces[met], hits.barycentrics)
+        back = closest_points(there, surface.vertices, surface.faces)
+        aside = (back.interpolate(surface.vertices, surface.faces) - surface.vertices[rows]).norm(dim=1)
+        good &= aside <= (ASIDE * hits.distance).clamp(min=LEAST_ASIDE)
         matched = rows[good]
         corners, barycentrics = target.faces[met[good]], hits.barycentrics[good]
         hit[matched] = True
-        points[matched] = gather(target.vertices, corners, barycentrics)
+        points[matched] = there[good]
         weights[matched] = gather(target.weights, corners, barycentrics)
     return Matches(hit, points, weights)
 
@@ -136,6 +157,13 @@ def lifted(surface: SkinnedSurface, points: Tensor, most: float) -> Tensor:
             spread = torch.maximum(lift, torch.mv(average, spread))
         vertices = vertices + spread[:, None] * normals
     return vertices
+
+
+def _border_sides(surface: SkinnedSurface) -> Tensor:
+    """Mask (F, 3) of the sides of faces that are borders, each at the corner opposite to it."""
+    faces = weld(surface.vertices)[surface.faces]
+    sides = torch.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], dim=1)
+    return torch.isin(edge_keys(sides.reshape(-1, 2)), edge_keys(boundary_edges(faces))).view(-1, 3)
 
 
 def _by_limb(weights: Tensor, limbs: Tensor) -> Tensor:

@@ -2,7 +2,7 @@
 
 The joints of both have the same anatomical places and the limbs point the same way. One affine map for each
 joint, blended by the blend weights, therefore brings our body near the character's surface, whatever its
-proportions.
+proportions. A part without a surface, as programs take skin away beneath clothes, gets the lengths alone.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ from torch import Tensor
 
 from rasterize.gather import gather
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.mesh import face_normals
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.anatomy import unit
 from uvcloth.physics.exposure import spread
@@ -26,6 +27,9 @@ FEWEST = 30
 RATIOS = (0.2, 5.0)
 """Least and greatest stretch of a part of the body."""
 
+LEAST_COVERED = 0.3
+"""Least area of a part, over that of our part at its length, from which its width is measured."""
+
 WITHIN = (0.03, 0.97)
 """Quantiles of a part's points that bound its extent."""
 
@@ -33,6 +37,9 @@ TRUNK = ("Hips", "LHipJoint", "RHipJoint", "LowerBack", "Spine", "Spine1", "Left
 HEAD = ("Neck", "Neck1", "Head")
 LIMBS = {"UpLeg": "Leg", "Leg": "Foot", "Arm": "ForeArm", "ForeArm": "Hand"}
 """Joints of limbs by the ending of their names, and the joint that each points at."""
+
+
+REGION_OF_LIMB = {"UpLeg": "thigh", "Leg": "calf", "Arm": "upper_arm", "ForeArm": "forearm"}
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,7 @@ class _Measured:
 
     def __init__(self, surface: SkinnedSurface, skeleton: Skeleton) -> None:
         self.points, self.joint = surface.sample(POINTS)
+        self._area = float(face_normals(surface.vertices, surface.faces).norm(dim=1).sum()) / 2
         self.names, self._heads = skeleton.names, skeleton.heads
 
     def head(self, name: str) -> Tensor:
@@ -91,6 +99,10 @@ class _Measured:
         """Points (P, 3) that some joints move most."""
         strongest = torch.tensor([name in joints for name in self.names])
         return self.points[strongest[self.joint]]
+
+    def area(self, joints: Sequence[str]) -> float:
+        """Area, m2, that some joints move most."""
+        return self._area * len(self.on(joints)) / len(self.points)
 
     def box(self, joints: Sequence[str]) -> tuple[Tensor, Tensor] | None:
         """Lower and upper corner (3,) around the points of some joints, None where there are too few."""
@@ -115,7 +127,8 @@ def _trunk(before: _Measured, after: _Measured) -> Tensor:
     usual, actual = (float(each.head("Neck")[2] - each.head("LeftUpLeg")[2]) for each in (before, after))
     stretch = torch.full((3,), actual / usual)
     boxes = before.box(TRUNK), after.box(TRUNK)
-    if boxes[0] is not None and boxes[1] is not None:
+    covered = after.area(TRUNK) >= LEAST_COVERED * (actual / usual) ** 2 * before.area(TRUNK)
+    if boxes[0] is not None and boxes[1] is not None and covered:
         stretch[:2] = ((boxes[1][1] - boxes[1][0]) / (boxes[0][1] - boxes[0][0]))[:2]
     return torch.diag(stretch.clamp(*RATIOS))
 
@@ -139,10 +152,18 @@ def _limb(before: _Measured, after: _Measured, joint: str, tip: str) -> Tensor:
     usual, actual = before.head(tip) - before.head(joint), after.head(tip) - after.head(joint)
     along = (actual.norm() / usual.norm()).clamp(*RATIOS)
     girths = before.radius(joint, tip), after.radius(joint, tip)
-    across = along if girths[0] is None or girths[1] is None else torch.tensor(girths[1] / girths[0])
+    covered = after.area((joint,)) >= LEAST_COVERED * float(along) ** 2 * before.area((joint,))
+    across = along
+    if girths[0] is not None and girths[1] is not None and covered:
+        across = torch.tensor(girths[1] / girths[0])
     direction = unit(usual)
     outer = direction[:, None] * direction
     return across.clamp(*RATIOS) * (torch.eye(3) - outer) + along * outer
+
+
+def region_of(joint: str) -> str:
+    """Region of trunk and limbs that a joint moves, "" for head, hands and feet."""
+    return "torso" if joint in TRUNK else REGION_OF_LIMB.get(_parts_of(joint)[1], "")
 
 
 def _hand(names: Sequence[str], side: str) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """Who wears the garments of a command: a body of ours, or a character with the joints of its file."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
@@ -12,6 +13,7 @@ from uvcloth.characters.joints import OwnJoints, own_joints
 from uvcloth.commands.options import CHARACTERS
 from uvcloth.errors import InputError
 from uvcloth.files.reading import read_content
+from uvcloth.formats.gltf import read_gltf
 from uvcloth.garments.on_character import CharacterFrame
 
 
@@ -37,10 +39,24 @@ def load_wearer(path: Path | None, report: Callable[[str], None]) -> Wearer:
     """
     if path is None or path.suffix.lower() not in CHARACTERS:
         return Wearer(load_body(path))
-    made = _character(path, sha256(read_content(path)).digest())
+    made = _character(path, content_of(path))
     for line in made.lines():
         report(line)
     return Wearer(made.body, own_joints(path, made.rigged), CharacterFrame.of(made.rigged))
+
+
+def content_of(path: Path) -> bytes:
+    """Digest of a file, and of the files beside it that a .gltf names, as far as they are there.
+
+    Raises InputError if it cannot be read.
+    """
+    digest = sha256(read_content(path))
+    if path.suffix.lower() == ".gltf":
+        file = read_gltf(path)
+        for entry in (*file.entries("buffers"), *file.entries("images")):
+            with suppress(InputError):  # Whoever reads it says so; missing pictures are left out.
+                digest.update(sha256(file.content(entry.get("uri", "data:"))).digest())
+    return digest.digest()
 
 
 @lru_cache(maxsize=2)
