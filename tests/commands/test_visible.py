@@ -75,6 +75,8 @@ def test_pictures_of_a_t_shirt_have_wrinkles_unless_they_are_plain(body: Body) -
     assert not refined(loop=True)
     assert not refined(quality="fast")
     assert not refined("bottoms")
+    assert not refined("shirt")
+    assert refined("shirt", wrinkles=True)
     assert not refined(on=replace(body, name="other"))
     assert not refined(method=LBS.create(LBS.config))
     with pytest.raises(InputError, match="--wrinkles: --plain leaves them out"):

@@ -27,8 +27,9 @@ def test_it_is_small_and_no_person_is_in_two_splits(folder: Path, body: Body) ->
 
 
 def test_the_outermost_garment_chooses_the_network(body: Body, shirt: Garment) -> None:
-    trousers = fit_template("bottoms", body)
-    assert shipped_for(Outfit(body, (shirt, trousers))).name == "tops"
+    trousers, long = (fit_template(name, body) for name in ("bottoms", "shirt"))
+    assert shipped_for(Outfit(body, (shirt, long, trousers))).name == "shirt"
+    assert shipped_for(Outfit(body, (long, shirt))).name == "tops"
     assert shipped_for(Outfit(body, (trousers,))).name == "tops"
 
 

@@ -72,7 +72,7 @@ class Rollout(Command):
     quality: Quality = "default"
     wrinkles: Wrinkled = False
     plain: bool = False
-    """No wrinkles in videos and pictures, which have them where a network in the package serves a garment."""
+    """No wrinkles in videos and pictures of T-shirts, which have them by default."""
     wrinkles_from: WrinklesFrom = None
     template: Annotated[
         tuple[TemplateName | Literal["auto"], ...],

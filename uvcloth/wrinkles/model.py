@@ -19,6 +19,9 @@ METHOD = "wrinkles"
 TRAINED_BODY = "default"
 """Name of the body that the networks in the package were trained on."""
 
+BY_DEFAULT = ("tops",)
+"""Templates whose pictures have wrinkles without being asked for: better in validation than plain ones."""
+
 SHIPPED = Path(str(files("uvcloth"))) / "data" / "wrinkles"
 """Folder of the trained networks in the package, a folder for each template."""
 

@@ -11,7 +11,7 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.method import Method
 from uvcloth.methods.physics.method import Physics
 from uvcloth.rollouts.rollout import JUMPED, RolloutFrame
-from uvcloth.wrinkles.model import TRAINED_BODY, load_wrinkles, shipped_for
+from uvcloth.wrinkles.model import BY_DEFAULT, TRAINED_BODY, load_wrinkles, shipped_for
 from uvcloth.wrinkles.outfit import WrinkledOutfit
 from uvcloth.writers.pictures import SHEETS, VIDEOS
 
@@ -58,8 +58,7 @@ class VisibleOutfit:
 def visible_outfit(command: Rollout, method: Method, proxied: ProxiedOutfit) -> VisibleOutfit:
     """The outfit as the files of a command show it.
 
-    Videos and pictures on the default body have wrinkles where a network of the package serves a garment,
-    unless --plain.
+    Videos and pictures of templates of BY_DEFAULT on the default body have wrinkles, unless --plain.
     Raises InputError for wrinkles that were asked for if their network cannot be read, or if no cage of the
     cloth solver moves the garments.
     """
@@ -67,9 +66,10 @@ def visible_outfit(command: Rollout, method: Method, proxied: ProxiedOutfit) -> 
         if command.wrinkles:
             raise InputError(f"--wrinkles: lie on what the cloth solver moves, not on {method.name}")
         return VisibleOutfit(proxied)
-    if not (command.wrinkles or (_only_pictures(command) and proxied.outfit.body.name == TRAINED_BODY)):
-        return VisibleOutfit(proxied)
     folder = command.wrinkles_from or shipped_for(proxied.outfit)
+    usual = proxied.outfit.body.name == TRAINED_BODY and folder.name in BY_DEFAULT
+    if not (command.wrinkles or (usual and _only_pictures(command))):
+        return VisibleOutfit(proxied)
     wrinkles = load_wrinkles(folder, proxied.outfit.body)
     wrinkled = WrinkledOutfit(wrinkles, proxied.outfit, proxied.meshes, command.quality)
     return VisibleOutfit(proxied, wrinkled if command.wrinkles or wrinkled.serves else None)
