@@ -84,13 +84,18 @@ def session_of(armature: Any, scene: Any) -> Session:
 
 
 def show(armature: Any, scene: Any, graph: Any) -> None:
-    """Move the garments of a character to the scene's frame. Raises ValueError; they stay as they were then.
+    """Move the garments of a character to the scene's frame, or after it as motion blur asks.
+
+    Raises ValueError; they stay as they were then.
 
     graph: evaluated at this frame.
     """
     session, garments = session_of(armature, scene), sourced_garments(armature, scene)
     moment, scale = moment_of(armature, scene, graph)
-    session.timeline.show(moment)
+    if scene.frame_subframe:
+        session.timeline.between(moment, scene.frame_subframe)
+    else:
+        session.timeline.show(moment)
     _move(session, garments, scale, graph)
 
 
@@ -165,8 +170,6 @@ def poses_of(armature: Any, bones: tuple[str, ...]) -> Floats:
 
 def refresh(scene: Any, graph: Any) -> None:
     """Move all live clothes to the scene's frame; faults are kept for the panel."""
-    if scene.frame_subframe:
-        return  # Cloth has whole frames; motion blur asks for what is between.
     for armature in characters():
         if armature.uvcloth.live:
             try:

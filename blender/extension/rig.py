@@ -14,6 +14,9 @@ TO_Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0,
 UNEVEN = 1e-3
 """Largest difference of an armature's axes, made unit, from a rotation."""
 
+SCALED = 0.02
+"""Difference of a bone's squared lengths and its angles from a rotation's from which on it is scaled."""
+
 APART = 1e-3
 """Largest difference between bones and joints at which they are taken for the same, in parts of a metre."""
 
@@ -37,6 +40,13 @@ class Rig:
         size that it was baked for. Raises ValueError for a scale that no cloth is solved at.
         """
         scale = even_scale(armature) / self.size
+        grams = np.swapaxes(poses[:, :3, :3], 1, 2) @ poses[:, :3, :3]
+        scaled = np.abs(grams - np.eye(3)).max((1, 2)) > SCALED
+        if scaled.any():
+            raise ValueError(
+                f"bone {self.bones[int(scaled.argmax())]} is scaled or stretched: cloth follows bones "
+                "that turn and move"
+            )
         worlds = np.linalg.inv(TO_Z_UP) @ armature @ poses @ self.to_nodes
         worlds[:, :3] /= scale
         return worlds, scale

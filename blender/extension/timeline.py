@@ -91,6 +91,16 @@ class Timeline:
         if moment.frame - self._moments[max(self._states)].frame >= SAVED_EVERY * self._fps:
             self._states[before] = self._cloth.save()
 
+    def between(self, moment: Moment, share: float) -> None:
+        """Move the cloth to a moment that is a share of a frame after its frame, as motion blur asks.
+
+        Frames that were played stay; where its frame was not, the cloth stays as it is. Raises as `show`.
+        """
+        frames = [known.frame for known in self._moments]
+        if moment.frame in frames:
+            self._seek(frames.index(moment.frame))
+            self.pose(moment, share / self._fps)
+
     def pose(self, moment: Moment, seconds: float) -> None:
         """Move the cloth on to a moment that is not played, as of a pose that is tried by hand.
 

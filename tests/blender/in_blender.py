@@ -130,6 +130,19 @@ armature.rotation_euler = (0.0, 0.0, 0.7)
 arrays["moved"] = played(FRAMES)
 arrays["place"] = np.array(armature.matrix_world)
 
+# Between frames, as motion blur asks, without a trace in the frames.
+armature.location, armature.scale, armature.rotation_euler = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+played(FRAMES)
+scene.frame_set(5, subframe=0.5)
+arrays["between"] = evaluated(dress)
+arrays["after_between"] = played([5, 6])
+armature.location, armature.scale, armature.rotation_euler = (
+    (3.0, -2.0, 1.0),
+    (2.0, 2.0, 2.0),
+    (0.0, 0.0, 0.7),
+)
+played(FRAMES)
+
 # A scale that no cloth is solved at leaves the cloth where it was.
 here = surface.places(dress)
 armature.scale = (-2.0, 2.0, 2.0)
@@ -138,6 +151,12 @@ said["negative"] = fault()
 armature.scale = (2.0, 3.0, 2.0)
 scene.frame_set(9)
 said["uneven"] = fault()
+armature.scale = (2.0, 2.0, 2.0)
+bone = armature.pose.bones[5]
+bone.scale = (1.2, 1.0, 1.0)
+scene.frame_set(9)
+said["scaled_bone"] = [bone.name, fault()]
+bone.scale = (1.0, 1.0, 1.0)
 said["stayed"] = bool((surface.places(dress) == here).all())
 armature.location, armature.scale, armature.rotation_euler = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 

@@ -69,6 +69,13 @@ def test_a_render_gets_what_was_played(done: Done) -> None:
     assert apart(done.arrays["rendered"], done.arrays["played"][[4, 5, 6]]).max() < ROUNDED
 
 
+def test_cloth_is_between_its_frames_where_motion_blur_asks(done: Done) -> None:
+    first, last = done.arrays["played"][5], done.arrays["played"][6]
+    assert (done.arrays["after_between"] == done.arrays["played"][[5, 6]]).all()
+    off = apart(done.arrays["between"], (first + last) / 2.0)
+    assert off.mean() < 0.2 * apart(first, last).mean()
+
+
 def test_undo_takes_back_and_the_cloth_goes_on(done: Done) -> None:
     assert done.said["undone"] == [0.0, 0.0, 0.0]
     assert (done.arrays["undone"] == done.arrays["played"]).all()
@@ -140,6 +147,8 @@ def test_what_is_refused_leaves_the_scene_as_it_was(done: Done) -> None:
 def test_faults_while_it_is_live_leave_the_cloth_where_it_was(done: Done) -> None:
     assert "negative scale" in done.said["negative"]
     assert "uneven scale" in done.said["uneven"]
+    name, sentence = done.said["scaled_bone"]
+    assert f"bone {name} is scaled or stretched" in sentence
     assert done.said["stayed"]
     assert "save the .blend first" in done.said["unsaved"]
     sentence, is_live = done.said["gone"]

@@ -121,6 +121,20 @@ def test_before_the_first_frame_cloth_starts_again(timeline: ModuleType) -> None
     assert len(played) == 1
 
 
+def test_between_frames_cloth_is_stepped_and_frames_stay(timeline: ModuleType) -> None:
+    cloth = Counted()
+    played = timeline.Timeline(cloth, 10.0)
+    every = moments(timeline, 6)
+    for moment in every:
+        played.show(moment)
+    state = cloth.state
+    played.between(timeline.Moment(2, every[3].joints, every[3].wind, every[3].gravity), 0.5)
+    assert cloth.seconds[-1] == pytest.approx(0.05)
+    played.show(every[5])
+    assert cloth.state == state
+    assert len(played) == 6
+
+
 def test_a_step_that_fails_leaves_what_was_played(timeline: ModuleType) -> None:
     cloth = Counted()
     played = timeline.Timeline(cloth, 10.0)

@@ -3,8 +3,8 @@
 Non-rigid ICP (Amberg et al. 2007) with displacements instead of affine maps. In each iteration, every vertex
 is matched with the closest point of the character that belongs to the same limb, faces the same way, is
 not on a border, beyond which there is no surface (Turk and Levoy 1994), and is near the vertex also when seen
-from there. Then the displacements D minimize sum w |D - (closest - start)|^2 + stiffness |L D|^2 over the mesh,
-with L its Laplacian. The stiffness falls from iteration to iteration.
+from there. Then the displacements D minimize sum w |D - (closest - start)|^2 + stiffness |L D|^2 over the
+mesh, with L its Laplacian. The stiffness falls from iteration to iteration.
 """
 
 from dataclasses import dataclass
