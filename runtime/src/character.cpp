@@ -162,6 +162,7 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
     motion.seconds = seconds;
     motion.radius = settings.radius;
     motion.self_radius = settings.self_radius;
+    motion.fold_radius = settings.fold_radius;
     motion.self_margin = settings.self_margin;
     motion.reach = settings.reach;
     motion.needed = character.needed;

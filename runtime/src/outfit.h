@@ -16,12 +16,13 @@ constexpr int MOST_ORDERED = 31;
 
 // Settings of the solver.
 //
-// needed: substeps a second. radius: m, kept between cloth and body. self_radius: m, kept between cloth and
-// cloth; self_margin: m more within which cloth is watched. reach: m, how near the body, and how deep in it,
-// cloth is looked for. interval: s between two searches. renewal: frames from one search of all faces of the
-// body for a vertex to the next. hinge_interval: substeps between two evaluations of the hinges.
+// needed: substeps a second. radius: m, kept between cloth and body. self_radius: m, kept between pieces of
+// cloth; fold_radius: m, within a piece; self_margin: m more within which cloth is watched. reach: m, how near
+// the body, and how deep in it, cloth is looked for. interval: s between two searches. renewal: frames from one
+// search of all faces of the body for a vertex to the next. hinge_interval: substeps between two evaluations of
+// the hinges.
 struct SolverSettings {
-    float needed, radius, self_radius, self_margin, reach, interval;
+    float needed, radius, self_radius, fold_radius, self_margin, reach, interval;
     int renewal, hinge_interval;
 };
 

@@ -229,16 +229,18 @@ UVC_INLINE Vector<F> closest_on_segments(Vector<F> p0, Vector<F> p1, Vector<F> q
     return (p0 + s * along_p) - (q0 + t * along_q);
 }
 
-// Pairs that may be near, eight at a time: a first and a second thing, four vertices, and the distance, m,
-// within which they count.
+// Pairs that may be near, eight at a time: a first and a second thing, four vertices, the distance, m, within
+// which they count, and whether both are of one piece.
 struct Candidates {
     Two pairs[LANES];
     int32_t vertices[4][LANES];
     float margins[LANES];
+    bool is_one_piece[LANES];
     int count = 0;
 
-    void add(Two pair, int a, int b, int c, int d, float margin) {
+    void add(Two pair, int a, int b, int c, int d, float margin, bool one_piece) {
         pairs[count] = pair;
+        is_one_piece[count] = one_piece;
         vertices[0][count] = a;
         vertices[1][count] = b;
         vertices[2][count] = c;
@@ -258,33 +260,48 @@ struct Candidates {
     }
 };
 
-// Whether a vertex is a corner of a face, or joined to one by an edge and within the margin, m, at rest: the
-// two are never apart.
-bool is_beside(const Sheet &sheet, int vertex, Face face, float margin) {
-    if (vertex == face.a || vertex == face.b || vertex == face.c) return true;
-    const Rings &rings = sheet.rings;
-    if (!in_ring(rings, vertex, face.a) && !in_ring(rings, vertex, face.b) && !in_ring(rings, vertex, face.c))
-        return false;
+float distance_at_rest(const Sheet &sheet, int vertex, Face face) {
     const Vec *rest = sheet.rest.data;
     Vec weights = closest_barycentrics(rest[vertex], rest[face.a], rest[face.b], rest[face.c]);
-    return length(rest[vertex] - weighted(weights, rest[face.a], rest[face.b], rest[face.c])) < margin;
+    return length(rest[vertex] - weighted(weights, rest[face.a], rest[face.b], rest[face.c]));
 }
 
-// The same for two edges.
-bool is_beside(const Sheet &sheet, Two p, Two q, float margin) {
-    if (p.first == q.first || p.first == q.second || p.second == q.first || p.second == q.second) return true;
-    const Rings &rings = sheet.rings;
-    if (!in_ring(rings, p.first, q.first) && !in_ring(rings, p.first, q.second) &&
-        !in_ring(rings, p.second, q.first) && !in_ring(rings, p.second, q.second))
-        return false;
+float distance_at_rest(const Sheet &sheet, Two p, Two q) {
     const Vec *rest = sheet.rest.data;
     float s, t;
-    return length(closest_on_segments(rest[p.first], rest[p.second], rest[q.first], rest[q.second], s, t)) <
-           margin;
+    return length(closest_on_segments(rest[p.first], rest[p.second], rest[q.first], rest[q.second], s, t));
+}
+
+bool share_vertex(int vertex, Face face) { return vertex == face.a || vertex == face.b || vertex == face.c; }
+
+bool share_vertex(Two p, Two q) {
+    return p.first == q.first || p.first == q.second || p.second == q.first || p.second == q.second;
+}
+
+// Whether an edge joins the two.
+bool are_joined(const Rings &rings, int vertex, Face face) {
+    return in_ring(rings, vertex, face.a) || in_ring(rings, vertex, face.b) || in_ring(rings, vertex, face.c);
+}
+
+bool are_joined(const Rings &rings, Two p, Two q) {
+    return in_ring(rings, p.first, q.first) || in_ring(rings, p.first, q.second) ||
+           in_ring(rings, p.second, q.first) || in_ring(rings, p.second, q.second);
+}
+
+// Distance, m, that two things of the cloth keep, -1 for those that are never apart: they share a vertex, or an
+// edge joins them and they are within the margin at rest.
+template <class First, class Second>
+float kept_distance(const Sheet &sheet, const SelfDistances &distances, bool is_one_piece, First first,
+                    Second second) {
+    if (!is_one_piece) return distances.radius;
+    if (share_vertex(first, second)) return -1;
+    float apart = distance_at_rest(sheet, first, second);
+    if (apart < distances.radius + distances.margin && are_joined(sheet.rings, first, second)) return -1;
+    return most(distances.radius, least(apart, distances.fold_radius));
 }
 
 // Keeps those vertices that are within their margin of a face, and not beside it at rest.
-void keep_points(const Sheet &sheet, const Vec *positions, float margin, Candidates &some,
+void keep_points(const Sheet &sheet, const Vec *positions, const SelfDistances &distances, Candidates &some,
                  List<PointPair> &points) {
     if (!some.count) return;
     unsigned lanes = some.close();
@@ -297,13 +314,13 @@ void keep_points(const Sheet &sheet, const Vec *positions, float margin, Candida
     for (lanes &= bits(dot(away, away) <= margins * margins); lanes;) {
         int lane = take(lanes), vertex = some.vertices[0][lane];
         Face face{some.vertices[1][lane], some.vertices[2][lane], some.vertices[3][lane]};
-        if (!is_beside(sheet, vertex, face, margin))
-            points.add({some.pairs[lane], above >> lane & 1 ? 1.0f : -1.0f});
+        float radius = kept_distance(sheet, distances, some.is_one_piece[lane], vertex, face);
+        if (radius >= 0) points.add({some.pairs[lane], above >> lane & 1 ? 1.0f : -1.0f, radius});
     }
 }
 
 // Keeps those edges that are within their margin of another, and not beside it at rest.
-void keep_edges(const Sheet &sheet, const Vec *positions, float margin, Candidates &some,
+void keep_edges(const Sheet &sheet, const Vec *positions, const SelfDistances &distances, Candidates &some,
                 List<EdgePair> &edges) {
     if (!some.count) return;
     unsigned lanes = some.close();
@@ -317,43 +334,45 @@ void keep_edges(const Sheet &sheet, const Vec *positions, float margin, Candidat
         int lane = take(lanes);
         int p0 = some.vertices[0][lane], p1 = some.vertices[1][lane], q0 = some.vertices[2][lane],
             q1 = some.vertices[3][lane];
-        if (is_beside(sheet, {p0, p1}, {q0, q1}, margin)) continue;
-        edges.add({some.pairs[lane], pick(directions, lane)});
+        float radius = kept_distance(sheet, distances, some.is_one_piece[lane], Two{p0, p1}, Two{q0, q1});
+        if (radius >= 0) edges.add({some.pairs[lane], pick(directions, lane), radius});
     }
 }
 
 // Finds the pairs of the faces in `leaves`.
-void find_in_leaves(const Sheet &sheet, const Vec *positions, float margin, float interval,
+void find_in_leaves(const Sheet &sheet, const Vec *positions, const SelfDistances &distances, float interval,
                     SelfContact &contact) {
     const BoxTree &tree = sheet.tree;
     Candidates points, edges;
-    auto add_corners = [&](int f, int g, float watched) {
+    auto add_corners = [&](int f, int g, float watched, bool one_piece) {
         Face owner = tree.faces.at(f), face = tree.faces.at(g);
         for (int corner = 0; corner < 3; corner++) {
             if (!(sheet.owned.at(f) >> corner & 1)) continue;
-            points.add({owner[corner], g}, owner[corner], face.a, face.b, face.c, watched);
-            if (points.count == LANES) keep_points(sheet, positions, margin, points, contact.points);
+            points.add({owner[corner], g}, owner[corner], face.a, face.b, face.c, watched, one_piece);
+            if (points.count == LANES) keep_points(sheet, positions, distances, points, contact.points);
         }
     };
     for (Two leaf : contact.leaves.items) {
         int f = tree.order.at(tree.nodes.at(leaf.first).first);
         int g = tree.order.at(tree.nodes.at(leaf.second).first);
-        float watched = margin + interval * relative_speed(contact, leaf.first, leaf.second);
-        add_corners(f, g, watched);
-        add_corners(g, f, watched);
+        bool one_piece = sheet.pieces.at(f) == sheet.pieces.at(g);
+        float watched = (one_piece ? distances.fold_radius : distances.radius) + distances.margin +
+                        interval * relative_speed(contact, leaf.first, leaf.second);
+        add_corners(f, g, watched, one_piece);
+        add_corners(g, f, watched, one_piece);
         for (int i = 0; i < 3; i++) {
             if (!(sheet.owned.at(f) >> (3 + i) & 1)) continue;
             for (int j = 0; j < 3; j++) {
                 if (!(sheet.owned.at(g) >> (3 + j) & 1)) continue;
                 int first = sheet.face_edges.at(f)[i], second = sheet.face_edges.at(g)[j];
                 Two p = sheet.edges.at(first), q = sheet.edges.at(second);
-                edges.add({first, second}, p.first, p.second, q.first, q.second, watched);
-                if (edges.count == LANES) keep_edges(sheet, positions, margin, edges, contact.edges);
+                edges.add({first, second}, p.first, p.second, q.first, q.second, watched, one_piece);
+                if (edges.count == LANES) keep_edges(sheet, positions, distances, edges, contact.edges);
             }
         }
     }
-    keep_points(sheet, positions, margin, points, contact.points);
-    keep_edges(sheet, positions, margin, edges, contact.edges);
+    keep_points(sheet, positions, distances, points, contact.points);
+    keep_edges(sheet, positions, distances, edges, contact.edges);
 }
 
 // Orders pairs by their first index: where each of `count` begins, and the order.
@@ -419,7 +438,8 @@ void push_apart(const Corners &four, Vec normal, float gap, Vec *positions, Vec 
 }
 
 void resolve_point(const Sheet &sheet, const PointPair &pair, Vec *positions, Vec *velocities,
-                   const Particles &particles, float radius, float step) {
+                   const Particles &particles, float step) {
+    float radius = pair.radius;
     Face face = sheet.surface.faces.at(pair.two.second);
     Vec point = positions[pair.two.first];
     Vec a = positions[face.a], b = positions[face.b], c = positions[face.c];
@@ -441,7 +461,8 @@ void resolve_point(const Sheet &sheet, const PointPair &pair, Vec *positions, Ve
 }
 
 void resolve_edges(const Sheet &sheet, EdgePair &pair, Vec *positions, Vec *velocities,
-                   const Particles &particles, float radius, float step) {
+                   const Particles &particles, float step) {
+    float radius = pair.radius;
     Two p = sheet.edges.at(pair.two.first), q = sheet.edges.at(pair.two.second);
     float s, t;
     Vec apart = closest_on_segments(positions[p.first], positions[p.second], positions[q.first],
@@ -485,18 +506,20 @@ void wait_where(LaneMask is_apart, LaneMask substeps, const Eight &eight, Array<
 // Looks at eight pairs of a vertex and a face, sets how long those wait that are apart, and returns a bit for
 // each that has to be resolved.
 unsigned look_at_points(const Sheet &sheet, Array<PointPair> pairs, const Eight &eight, const Vec *positions,
-                        const Vec *velocities, float radius, float step, Array<int32_t> wait) {
+                        const Vec *velocities, float step, Array<int32_t> wait) {
     int32_t corners[4][LANES];
-    float sides[LANES];
+    float sides[LANES], radii[LANES];
     for (int lane = 0; lane < LANES; lane++) {
         const PointPair &pair = pairs.at(eight.pairs[lane]);
         Face face = sheet.surface.faces.at(pair.two.second);
         sides[lane] = pair.side;
+        radii[lane] = pair.radius;
         corners[0][lane] = pair.two.first;
         corners[1][lane] = face.a;
         corners[2][lane] = face.b;
         corners[3][lane] = face.c;
     }
+    Lanes radius = load(radii);
     LaneVec a = gather(positions, corners[1]), ap = gather(positions, corners[0]) - a;
     LaneVec ab = gather(positions, corners[2]) - a, ac = gather(positions, corners[3]) - a;
     Lanes v, w;
@@ -517,9 +540,9 @@ unsigned look_at_points(const Sheet &sheet, Array<PointPair> pairs, const Eight 
 
 // The same for pairs of edges, whose directions are renewed.
 unsigned look_at_edges(const Sheet &sheet, Array<EdgePair> pairs, const Eight &eight, const Vec *positions,
-                       const Vec *velocities, float radius, float step, Array<int32_t> wait) {
+                       const Vec *velocities, float step, Array<int32_t> wait) {
     int32_t ends[4][LANES];
-    float directions[3][LANES];
+    float directions[3][LANES], radii[LANES];
     for (int lane = 0; lane < LANES; lane++) {
         const EdgePair &pair = pairs.at(eight.pairs[lane]);
         Two p = sheet.edges.at(pair.two.first), q = sheet.edges.at(pair.two.second);
@@ -527,11 +550,12 @@ unsigned look_at_edges(const Sheet &sheet, Array<EdgePair> pairs, const Eight &e
         ends[1][lane] = p.second;
         ends[2][lane] = q.first;
         ends[3][lane] = q.second;
+        radii[lane] = pair.radius;
         directions[0][lane] = pair.direction.x;
         directions[1][lane] = pair.direction.y;
         directions[2][lane] = pair.direction.z;
     }
-    Lanes s, t;
+    Lanes s, t, radius = load(radii);
     LaneVec apart = closest_on_segments(gather(positions, ends[0]), gather(positions, ends[1]),
                                         gather(positions, ends[2]), gather(positions, ends[3]), s, t);
     LaneVec direction = {load(directions[0]), load(directions[1]), load(directions[2])};
@@ -599,6 +623,9 @@ Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure) {
     sheet.tree = make_box_tree(points, triangles, starts, 1, arena);
     sheet.rings = vertex_rings(triangles, vertices, arena);
     find_connected(sheet, arena);
+    sheet.pieces = arena.take<int32_t>(faces);
+    for (int piece = 0; piece < pieces; piece++)
+        for (int face = starts[piece]; face < starts[piece + 1]; face++) sheet.pieces[face] = piece;
     Arena work;
     Walk walk{sheet.tree, work.take<Box>(sheet.tree.nodes.size), {}};
     for (int piece = 0; piece < pieces; piece++) fit_boxes(sheet.tree, piece, points, walk.boxes);
@@ -611,10 +638,11 @@ Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure) {
     return sheet;
 }
 
-bool find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities, float margin, float interval,
-                SelfContact &contact) {
+bool find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities,
+                const SelfDistances &distances, float interval, SelfContact &contact) {
     const Surface &surface = sheet.surface;
     const BoxTree &tree = sheet.tree;
+    float margin = distances.fold_radius + distances.margin;
     float flat = most(margin / sheet.spacing, LEAST_FLAT);
     for (int piece = 0; piece + 1 < tree.roots.size; piece++) {
         fit_boxes(tree, piece, positions, contact.boxes);
@@ -626,7 +654,7 @@ bool find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities,
     swap(contact.edges, contact.edges_before);
     contact.points.clear();
     contact.edges.clear();
-    find_in_leaves(sheet, positions, margin, interval, contact);
+    find_in_leaves(sheet, positions, distances, interval, contact);
     remember(contact.points.items, contact.points_before.items, surface.vertices, contact,
              [](PointPair &pair, const PointPair &old) { pair.side = old.side; });
     remember(contact.edges.items, contact.edges_before.items, sheet.edges.size, contact,
@@ -666,25 +694,25 @@ void drop_caught(const Sheet &sheet, const Collider &collider, const int32_t *ca
 }
 
 void resolve_pairs(const Sheet &sheet, SelfContact &contact, Vec *positions, Vec *velocities,
-                   const Particles &particles, float radius, float step) {
+                   const Particles &particles, float step) {
     Array<PointPair> points = contact.points.items;
     Array<EdgePair> edges = contact.edges.items;
     Array<int32_t> point_wait = contact.point_wait.items, edge_wait = contact.edge_wait.items;
     resolve_all(
         points, point_wait,
         [&](const Eight &eight) {
-            return look_at_points(sheet, points, eight, positions, velocities, radius, step, point_wait);
+            return look_at_points(sheet, points, eight, positions, velocities, step, point_wait);
         },
         [&](const PointPair &pair) {
-            resolve_point(sheet, pair, positions, velocities, particles, radius, step);
+            resolve_point(sheet, pair, positions, velocities, particles, step);
         });
     resolve_all(
         edges, edge_wait,
         [&](const Eight &eight) {
-            return look_at_edges(sheet, edges, eight, positions, velocities, radius, step, edge_wait);
+            return look_at_edges(sheet, edges, eight, positions, velocities, step, edge_wait);
         },
         [&](EdgePair &pair) {
-            resolve_edges(sheet, pair, positions, velocities, particles, radius, step);
+            resolve_edges(sheet, pair, positions, velocities, particles, step);
         });
 }
 

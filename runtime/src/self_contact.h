@@ -22,7 +22,7 @@ struct Cone {
 //
 // owned: for each face, bits 0 to 2 of the corners and bits 3 to 5 of the edges (corner i to i + 1) that it
 // stands for, so that each is tested once. face_edges: into edges. connected: nodes whose faces are one patch.
-// rest: (N) m. halves, following: where a walk through pairs of nodes goes on; see `Walk` in self_contact.cpp.
+// rest: (N) m. pieces: (M) of the faces. halves, following: where a walk through pairs of nodes goes on; see `Walk` in self_contact.cpp.
 // apart: (K, K) whether two pieces do not touch. spacing: m, least distance of vertices along the mesh that are
 // no neighbours, in slightly squeezed cloth.
 struct Sheet {
@@ -30,7 +30,7 @@ struct Sheet {
     Surface surface;
     BoxTree tree;
     Array<Two> edges;
-    Array<int32_t> owned;
+    Array<int32_t> owned, pieces;
     Array<Face> face_edges;
     Rings rings;
     Array<int32_t> connected, halves;
@@ -44,16 +44,24 @@ struct Sheet {
 // "sheet.spacing" (1).
 Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure);
 
-// A vertex near a face: the side, +1 or -1 along its normal, on which the vertex stays.
+// A vertex near a face: the side, +1 or -1 along its normal, on which the vertex stays, and the distance, m,
+// that it keeps.
 struct PointPair {
     Two two;
-    float side;
+    float side, radius;
 };
 
-// Two edges near each other, and the unit direction from the second to the first.
+// Two edges near each other, the unit direction from the second to the first, and the distance, m, they keep.
 struct EdgePair {
     Two two;
     Vec direction;
+    float radius;
+};
+
+// Distances, m, that cloth keeps from cloth: pieces from each other, and a piece from itself, but no more than
+// at rest; and the margin within which it is watched beyond them.
+struct SelfDistances {
+    float radius, fold_radius, margin;
 };
 
 // An edge that runs through a face, and the corners of its faces that it does not have; `beyond` is -1 at a
@@ -75,23 +83,23 @@ struct SelfContact {
     Array<Cone> cones;
 };
 
-// Finds the pairs of the cloth that are within margin, m, or may get there within an interval, s. Sides of
-// pairs that were there before are remembered.
+// Finds the pairs of the cloth that are within the distances and their margin, or may get there within an
+// interval, s. Sides of pairs that were there before are remembered.
 //
 // A patch of the mesh whose normals lie in a narrow cone is not tested against itself (Volino and
 // Magnenat-Thalmann 1994): at a half angle a, points that are `spacing` apart along it keep a distance of
 // spacing cos(a), more than the margin.
 // Returns false, and no pairs, if there are so many that a search would take for ever.
-bool find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities, float margin, float interval,
-                SelfContact &contact);
+bool find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities,
+                const SelfDistances &distances, float interval, SelfContact &contact);
 
 // Drops the pairs and crossings of cloth that is inside a part of the body which the other cloth touches:
 // mocap moves forearms through knees, and a sleeve there would push the trousers off the leg. caught: (N) bits
 // of parts.
 void drop_caught(const Sheet &sheet, const Collider &collider, const int32_t *caught, SelfContact &contact);
 
-// Keeps pairs `radius`, m, apart on their sides, without a bounce, with friction. step: s.
+// Keeps pairs apart on their sides, without a bounce, with friction. step: s.
 void resolve_pairs(const Sheet &sheet, SelfContact &contact, Vec *positions, Vec *velocities,
-                   const Particles &particles, float radius, float step);
+                   const Particles &particles, float step);
 
 }  // namespace uvc

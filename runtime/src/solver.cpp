@@ -154,6 +154,8 @@ bool move(const Solver &solver, const Material &material, const uvc_motion &moti
     pulled.size = 0;
     for (int k = 0; k < vertices; k++)
         if (motion.pull[k] != 0) pulled[pulled.size++] = k;
+    SelfDistances distances{motion.self_radius, most(motion.self_radius, motion.fold_radius),
+                            motion.self_margin};
     Vec wind{motion.drift[0], motion.drift[1], motion.drift[2]};
     float step = motion.seconds / (float)pace.substeps;
     for (int substep = 0; substep < pace.substeps; substep++) {
@@ -169,14 +171,13 @@ bool move(const Solver &solver, const Material &material, const uvc_motion &moti
         if (substep % pace.interval == 0 && !stays_together(positions, velocities, vertices)) return false;
         if (motion.self_contact) {
             if (substep % pace.interval == 0) {
-                if (!find_pairs(solver.sheet, positions, velocities, motion.self_radius + motion.self_margin,
-                                step * (float)pace.interval, contact))
+                if (!find_pairs(solver.sheet, positions, velocities, distances, step * (float)pace.interval,
+                                contact))
                     return false;
                 find_crossings(solver.sheet, positions, contact);
                 if (any_caught) drop_caught(solver.sheet, collider, caught.data, contact);
             }
-            resolve_pairs(solver.sheet, contact, positions, velocities, particles, motion.self_radius,
-                          step);
+            resolve_pairs(solver.sheet, contact, positions, velocities, particles, step);
             resolve_crossings(solver.sheet, contact, positions, particles, step);
         }
         if (collider.surface.faces.size == 0) continue;

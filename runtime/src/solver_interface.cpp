@@ -38,8 +38,8 @@ void uvc_set_pairs(uvc_pairs *pairs, const int32_t *points, const float *sides, 
     contact.edges.clear();
     const uvc::Vec *ways = reinterpret_cast<const uvc::Vec *>(directions);
     for (int k = 0; k < point_count; k++)
-        contact.points.add({{points[2 * k], points[2 * k + 1]}, sides[k]});
-    for (int k = 0; k < edge_count; k++) contact.edges.add({{edges[2 * k], edges[2 * k + 1]}, ways[k]});
+        contact.points.add({{points[2 * k], points[2 * k + 1]}, sides[k], 0});
+    for (int k = 0; k < edge_count; k++) contact.edges.add({{edges[2 * k], edges[2 * k + 1]}, ways[k], 0});
 }
 
 int uvc_point_pairs(const uvc_pairs *pairs) { return pairs->data.points.items.size; }

@@ -221,7 +221,7 @@ def test_a_state_that_is_refused_changes_nothing(outfit: Outfit, twirl: Joints) 
         cloth.step(transforms, 1.0 / FPS)
     state = cloth.save()
     # Its last bytes are pairs of edges, which begin with indices; a quarter is those of faces.
-    for wrong in (state[:-4], np.append(state, state[:4]), np.append(state[:-20], state[:20]), state[:0]):
+    for wrong in (state[:-4], np.append(state, state[:4]), np.append(state[:-24], state[:24]), state[:0]):
         with pytest.raises(ValueError, match="the bytes are not those of cloth in this outfit"):
             cloth.restore(wrong)
     cloth.step(twirl[3], 1.0 / FPS)

@@ -65,8 +65,8 @@ class MotionFields(ctypes.Structure):
         ),
         ("acceleration", ctypes.c_void_p),
         *((name, ctypes.c_float * 3) for name in ("drift", "gravity")),
-        *((name, ctypes.c_float) for name in ("seconds", "radius", "self_radius", "self_margin", "reach")),
-        *((name, ctypes.c_float) for name in ("needed", "interval")),
+        *((name, ctypes.c_float) for name in ("seconds", "radius", "self_radius", "fold_radius")),
+        *((name, ctypes.c_float) for name in ("self_margin", "reach", "needed", "interval")),
         *((name, ctypes.c_int32) for name in ("hinge_interval", "frame", "renewal", "self_contact")),
     )
 

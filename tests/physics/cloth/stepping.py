@@ -78,7 +78,7 @@ def pairs_near(
     speeds: (N, 3) m/s.
     """
     nothing = make_body(np.zeros((0, 3)), [], np.zeros((0, len(points)), bool))
-    settings = Settings(self_radius=0.0, self_margin=margin, interval=ahead)
+    settings = Settings(self_radius=0.0, fold=0.0, self_margin=margin, interval=ahead)
     made = make_solver(cloth, cloth.rest, body or nothing, settings)
     state = start(made, points)
     if speeds is not None:

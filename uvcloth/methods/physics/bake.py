@@ -68,6 +68,7 @@ def baked_sections(
         "settings.needed": np.array([max(settings.substeps, 1.0 / (settings.safety * solver.stable_step))]),
         "settings.radius": np.array([settings.radius]),
         "settings.self_radius": np.array([settings.self_radius]),
+        "settings.fold_radius": np.array([solver.fold_radius]),
         "settings.self_margin": np.array([settings.self_margin]),
         "settings.reach": np.array([settings.reach]),
         "settings.interval": np.array([settings.interval]),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uvcloth.errors import InputError
 from uvcloth.physics.cloth.body import Body
-from uvcloth.physics.cloth.cloth import Cloth
+from uvcloth.physics.cloth.cloth import SPACING, Cloth
 from uvcloth.physics.cloth.stability import largest_step
 from uvcloth.player.cloth import ClothSolver, ContactCache, Pairs, no_pairs, nothing_searched
 
@@ -27,10 +27,10 @@ class Settings:
     """Settings of the solver, in SI units.
 
     safety: share of the longest stable step that is taken. substeps: per second at least. radius: m, kept
-    between cloth and body. self_radius: m, kept between cloth and cloth; self_margin: m more within which
-    cloth is watched, plus its motion at the relative speed until the next search. self_contact: False
-    leaves it out. reach: m, how near the body, and how deep in it, cloth is looked for.
-    renewal: frames from one search of all faces of the body for a vertex to the next. interval: s between
+    between cloth and body. self_radius: m, kept between pieces of cloth. fold: share of the length of a short
+    edge that a piece keeps from itself, at least self_radius, and no more than at rest. self_margin: m more
+    within which cloth is watched, plus its motion at the relative speed until the next search. self_contact:
+    False leaves it out. reach: m, how near the body, and how deep in it, cloth is looked for. renewal: frames from one search of all faces of the body for a vertex to the next. interval: s between
     two searches for the closest faces of the body and for cloth near cloth.
     """
 
@@ -38,6 +38,7 @@ class Settings:
     substeps: int = 0
     radius: float = 0.004
     self_radius: float = 0.003
+    fold: float = 0.35
     self_margin: float = 0.003
     self_contact: bool = True
     reach: float = 0.03
@@ -53,6 +54,13 @@ class Solver:
     body: Body
     settings: Settings
     stable_step: float
+
+    @property
+    def fold_radius(self) -> float:
+        """Metres that a piece of the cloth keeps from itself: sharper folds than its edges can have would run
+        through themselves.
+        """
+        return self.settings.fold * self.cloth.sheet.spacing / SPACING
 
     @cached_property
     def runtime(self) -> ClothSolver:
@@ -149,6 +157,7 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
         "seconds": motion.seconds,
         "radius": settings.radius,
         "self_radius": settings.self_radius,
+        "fold_radius": solver.fold_radius,
         "self_margin": settings.self_margin,
         "reach": settings.reach,
         "needed": max(settings.substeps, 1.0 / (settings.safety * solver.stable_step)),
