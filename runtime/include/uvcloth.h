@@ -170,12 +170,12 @@ UVC_API void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides
  * body_start, body_end: (C) before and after the frame. target_start, target_end: (N) that vertices are
  * pulled to, with the frequency pull (N), 1/s, and the damping ratio damping (N); frequency 0 is not pulled.
  * acceleration: (N) m/s2 from outside, or NULL. gravity: m/s2. drift: m/s, of the frame of reference through
- * the air. seconds: of the frame. radius: kept between cloth and body; self_radius: between pieces of
- * cloth; fold_radius: within a piece, but no more than at rest; self_margin: more within which cloth is watched. reach: how near the body, and how deep in it, cloth is
- * looked for. needed: substeps a second, at least. interval: s between two searches for the body and for cloth
- * near cloth; less for a body that moves fast. hinge_interval: substeps between two evaluations of the hinges.
- * frame: number of earlier frames. renewal: frames from one search of all faces of the body for a vertex to
- * the next. self_contact: 0 leaves it out. */
+ * the air. seconds: of the frame. radius: kept between cloth and body; self_radius: between pieces of cloth;
+ * fold_radius: within a piece, but no more than at rest; self_margin: more within which cloth is watched.
+ * reach: how near the body, and how deep in it, cloth is looked for. needed: substeps a second, at least.
+ * interval: s between two searches for the body and for cloth near cloth; less for a body that moves fast.
+ * hinge_interval: substeps between two evaluations of the hinges. frame: number of earlier frames. renewal:
+ * frames from one search of all faces of the body for a vertex to the next. self_contact: 0 leaves it out. */
 typedef struct uvc_motion {
     const float *body_start, *body_end, *target_start, *target_end, *pull, *damping, *acceleration;
     float drift[3], gravity[3];

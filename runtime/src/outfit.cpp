@@ -27,8 +27,8 @@ SolverSettings read_settings(const Sections &sections, Failure &failure) {
     settings.hinge_interval = (int)clamp(read_number(sections, "settings.hinge_interval", failure), 1, 16);
     if (!(settings.needed > 0 && settings.needed <= MOST_NEEDED && settings.interval > 0))
         failure.say("the settings of the outfit leave no time step");
-    const float distances[] = {settings.radius, settings.self_radius, settings.fold_radius, settings.self_margin,
-                               settings.reach};
+    const float distances[] = {settings.radius, settings.self_radius, settings.fold_radius,
+                               settings.self_margin, settings.reach};
     for (float distance : distances)
         if (!(distance >= 0 && distance <= LONGEST_DISTANCE))
             failure.say("a distance of contact in the settings of the outfit is not from 0 to 0.2 m");

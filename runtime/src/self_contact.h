@@ -22,9 +22,9 @@ struct Cone {
 //
 // owned: for each face, bits 0 to 2 of the corners and bits 3 to 5 of the edges (corner i to i + 1) that it
 // stands for, so that each is tested once. face_edges: into edges. connected: nodes whose faces are one patch.
-// rest: (N) m. pieces: (M) of the faces. halves, following: where a walk through pairs of nodes goes on; see `Walk` in self_contact.cpp.
-// apart: (K, K) whether two pieces do not touch. spacing: m, least distance of vertices along the mesh that are
-// no neighbours, in slightly squeezed cloth.
+// rest: (N) m. pieces: (M) of the faces. halves, following: where a walk through pairs of nodes goes on; see
+// `Walk` in self_contact.cpp. apart: (K, K) whether two pieces do not touch. spacing: m, least distance of
+// vertices along the mesh that are no neighbours, in slightly squeezed cloth.
 struct Sheet {
     Array<Vec> rest;
     Surface surface;
