@@ -30,9 +30,9 @@ class Settings:
     between cloth and body. self_radius: m, kept between pieces of cloth. fold: share of the length of a short
     edge that a piece keeps from itself, at least self_radius, and no more than at rest. self_margin: m more
     within which cloth is watched, plus its motion at the relative speed until the next search. self_contact:
-    False leaves it out. reach: m, how near the body, and how deep in it, cloth is looked for. renewal: frames
-    from one search of all faces of the body for a vertex to the next. interval: s between two searches for the
-    closest faces of the body and for cloth near cloth.
+    False leaves it out. reach: m, how near the body, and how deep in it, cloth is looked for. renewal:
+    frames from one search of all faces of the body for a vertex to the next. interval: s between two searches
+    for the closest faces of the body and for cloth near cloth.
     """
 
     safety: float = 0.6
