@@ -6,6 +6,7 @@ import bpy
 from . import (
     cache,
     dressing,
+    environment,
     fitting,
     laboratory,
     live,
@@ -19,6 +20,7 @@ from . import (
 
 CLASSES = (
     preferences.Preferences,
+    environment.MakeEnvironment,
     opening.OpenBaked,
     wardrobe.PutOn,
     wardrobe.TakeOff,

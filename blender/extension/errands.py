@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from . import sending
-from .laboratory import Laboratory, close, laboratory_of
+from .laboratory import Laboratory, laboratory_of
 from .preferences import python_of
 from .selection import wearer_of
 
@@ -56,13 +56,13 @@ class LaboratoryOperator:
     """
 
     _timer: Any = None
-    _errand: Errand | None = None
+    _errand: Any = None
 
-    def begin(self, context: Any) -> Errand:
-        """Send the errand."""
+    def begin(self, context: Any) -> Any:
+        """Send the errand: what has a `laboratory`, or what is waited for and killed like one."""
         raise NotImplementedError
 
-    def finish(self, context: Any, errand: Errand) -> None:
+    def finish(self, context: Any, errand: Any) -> None:
         """Bring what came of it into the scene."""
         raise NotImplementedError
 
@@ -90,7 +90,7 @@ class LaboratoryOperator:
         """Show what the laboratory says, until it is done or stopped."""
         assert self._errand is not None
         if event.type == "ESC":
-            close()
+            self._errand.laboratory.kill()
             return self._end(context, {"CANCELLED"})
         if event.type != "TIMER":
             return {"PASS_THROUGH"}

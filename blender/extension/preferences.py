@@ -16,9 +16,18 @@ class Preferences(bpy.types.AddonPreferences):
         description="The interpreter of an environment with `pip install uvcloth`, to dress characters",
     )
 
+    wheels: bpy.props.StringProperty(
+        name="Folder of wheels",
+        subtype="DIR_PATH",
+        description="What a Python with uvcloth is made from; empty for the package index on the internet",
+    )
+
     def draw(self, _context: Any) -> None:
-        """Draw the path."""
-        self.layout.prop(self, "python")
+        """Draw the paths."""
+        row = self.layout.row(align=True)
+        row.prop(self, "python")
+        row.operator("uvcloth.make_environment", icon="ADD")
+        self.layout.prop(self, "wheels")
 
 
 def python_of(context: Any) -> str:

@@ -9,6 +9,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -74,6 +75,7 @@ def done(blender_python: str, extension: Path, baked: Path, tmp_path_factory: py
     """What in_blender.py does."""
     folder = tmp_path_factory.mktemp("blender")
     _write_bad_files(baked, folder)
+    _write_wheel(folder / "wheels")
     return run_in_blender(blender_python, "in_blender.py", extension, baked, folder)
 
 
@@ -89,6 +91,20 @@ def run_in_blender(python: str, script: str, *arguments: Path) -> Done:
     with np.load(folder / "arrays.npz") as file:
         arrays = {name: file[name] for name in file.files}
     return Done(arrays, json.loads((folder / "said.json").read_text(encoding="utf-8")), folder)
+
+
+def _write_wheel(folder: Path) -> None:
+    """Write a wheel that has the name of ours, and nothing that takes time."""
+    folder.mkdir()
+    inside = {
+        "uvcloth.py": "",
+        "uvcloth-0.2.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: uvcloth\nVersion: 0.2.0\n",
+        "uvcloth-0.2.0.dist-info/WHEEL": "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+        "uvcloth-0.2.0.dist-info/RECORD": "",
+    }
+    with ZipFile(folder / "uvcloth-0.2.0-py3-none-any.whl", "w") as wheel:
+        for name, content in inside.items():
+            wheel.writestr(name, content)
 
 
 def _write_bad_files(baked: Path, folder: Path) -> None:

@@ -79,6 +79,16 @@ bpy.ops.preferences.addon_enable(module=MODULE)
 
 from bl_ext.user_default.uvcloth import cache, live, surface  # noqa: E402
 
+# A Python with uvcloth is made from a folder of wheels, or not at all.
+preferences = bpy.context.preferences.addons[MODULE].preferences
+said["environments"] = []
+for preferences.wheels in (str(FOLDER / "nowhere"), str(FOLDER), str(FOLDER / "wheels")):
+    try:
+        bpy.ops.uvcloth.make_environment()
+        said["environments"].append(preferences.python)
+    except RuntimeError as error:
+        said["environments"].append(str(error).strip())
+
 before = counts()
 said["refused"] = {
     path.stem: sentence(path) for path in [*sorted(FOLDER.glob("bad_*.glb")), FOLDER / "missing.glb"]

@@ -1,6 +1,7 @@
 """A baked character in Blender: live, scrubbed, moved, saved, cached, and refused."""
 
 import struct
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,13 @@ def apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 def test_it_registers_and_goes_without_a_trace(done: Done) -> None:
     assert done.said["registered"]
     assert done.said["unregistered"]
+
+
+def test_an_environment_is_made_from_a_folder_of_wheels(done: Done) -> None:
+    no_folder, no_wheel, python = done.said["environments"]
+    assert "is no folder of wheels" in no_folder
+    assert "the environment was not made (No matching distribution found for uvcloth" in no_wheel
+    subprocess.run([python, "-c", "import uvcloth"], check=True)
 
 
 def test_the_scene_gets_the_frames_of_the_file(done: Done, baked: Path) -> None:
