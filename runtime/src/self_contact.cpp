@@ -34,7 +34,7 @@ bool first_is_halved(Node a, Node b) {
 }
 
 // Most pairs of faces that a search looks at: so many for each face, or so many in all, whichever is more.
-constexpr int MOST_PER_FACE = 64, MOST_NEAR = 1 << 20;
+constexpr int MOST_PER_FACE = 256, MOST_NEAR = 1 << 20;
 
 // Most pairs of nodes that are numbered.
 constexpr int MOST_WALKED = 1 << 28;

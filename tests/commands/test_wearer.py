@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from uvcloth.commands.wearer import content_of
+from uvcloth.commands.run.wearer import content_of
 
 
 def test_a_character_is_known_by_the_files_beside_it_too(tmp_path: Path) -> None:
