@@ -83,3 +83,11 @@ def test_no_faces_and_no_frames_are_no_crossings() -> None:
     flat, faces = sheet()
     assert crossing_edges_percent(flat[None], faces[:0]).tolist() == [0.0]
     assert crossing_edges_percent(flat[None][:0], faces).tolist() == []
+
+
+def test_a_frame_that_flew_apart_does_not_count_as_free_of_crossings() -> None:
+    vertices, faces = sheet(4)
+    flown = vertices.clone()
+    flown[0] = torch.nan
+    shares = crossing_edges_percent(torch.stack([vertices, flown, vertices]), faces)
+    assert shares.isnan().tolist() == [False, True, False]

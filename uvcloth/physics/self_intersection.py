@@ -1,5 +1,8 @@
 """Self-intersection of cloth: the share of its edges that cross one of its faces."""
 
+import math
+
+import numpy as np
 from torch import Tensor
 
 from uvcloth.geometry.mesh import unique_edges
@@ -7,7 +10,8 @@ from uvcloth.player.meshes import MovingMeshes
 
 
 def crossing_edges_percent(vertices: Tensor, faces: Tensor) -> Tensor:
-    """Percent of a mesh's edges that run through one of its faces, per frame: (F,).
+    """Percent of a mesh's edges that run through one of its faces, per frame: (F,); NaN where a vertex is
+    not a finite number.
 
     vertices: (F, N, 3) m. faces: (M, 3).
 
@@ -21,6 +25,9 @@ def crossing_edges_percent(vertices: Tensor, faces: Tensor) -> Tensor:
     mesh = MovingMeshes(frames[0], [faces.cpu().numpy()])
     shares = []
     for points in frames:
+        if not np.isfinite(points).all():
+            shares.append(math.nan)
+            continue
         mesh.move(points)
         shares.append(100.0 * float(mesh.crossing_edges(0, edges).mean()))
     return vertices.new_tensor(shares)
