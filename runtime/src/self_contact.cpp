@@ -50,10 +50,7 @@ struct Walk {
     bool share_vertex(int a, int b) const {
         Face f = tree.faces.at(tree.order.at(tree.nodes.at(a).first));
         Face g = tree.faces.at(tree.order.at(tree.nodes.at(b).first));
-        for (int i = 0; i < 3; i++)
-            for (int j = 0; j < 3; j++)
-                if (f[i] == g[j]) return true;
-        return false;
+        return f.has(g.a) || f.has(g.b) || f.has(g.c);
     }
 
     bool boxes_touch(int a, int b) const {
@@ -272,7 +269,7 @@ float distance_at_rest(const Sheet &sheet, Two p, Two q) {
     return length(closest_on_segments(rest[p.first], rest[p.second], rest[q.first], rest[q.second], s, t));
 }
 
-bool share_vertex(int vertex, Face face) { return vertex == face.a || vertex == face.b || vertex == face.c; }
+bool share_vertex(int vertex, Face face) { return face.has(vertex); }
 
 bool share_vertex(Two p, Two q) {
     return p.first == q.first || p.first == q.second || p.second == q.first || p.second == q.second;

@@ -9,6 +9,7 @@ namespace uvc {
 struct Face {
     int32_t a, b, c;
     UVC_MEMBER int32_t operator[](int corner) const { return corner == 0 ? a : corner == 1 ? b : c; }
+    UVC_MEMBER bool has(int vertex) const { return a == vertex || b == vertex || c == vertex; }
 };
 
 UVC_INLINE Vec weighted(Vec weights, Vec a, Vec b, Vec c) {

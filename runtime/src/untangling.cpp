@@ -22,8 +22,6 @@ bool is_on_one_side(const Surface &surface, const Vec *positions, int f, int g) 
     return least(least(a, b), c) >= 0 || most(most(a, b), c) <= 0;
 }
 
-bool is_corner(Face face, int vertex) { return face.a == vertex || face.b == vertex || face.c == vertex; }
-
 // Where an edge runs through a face: the share of the way along it, and barycentric coordinates. Returns
 // whether it does.
 bool meet(const Vec *positions, Two edge, Face face, float &share, Vec &weights) {
@@ -61,7 +59,7 @@ void find_crossings(const Sheet &sheet, const Vec *positions, SelfContact &conta
         for (int i = 0; i < 3; i++) {
             if (!(sheet.owned.at(f) >> (3 + i) & 1)) continue;
             Two edge{owner[i], owner[(i + 1) % 3]};
-            if (is_corner(face, edge.first) || is_corner(face, edge.second)) continue;
+            if (face.has(edge.first) || face.has(edge.second)) continue;
             float share;
             Vec weights;
             if (!meet(positions, edge, face, share, weights)) continue;
