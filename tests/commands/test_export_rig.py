@@ -12,6 +12,7 @@ from tests.writers.glb_reader import GlbReader
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
 from uvcloth.commands.export import Export
+from uvcloth.commands.options import FitOptions
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.run.export import RIG_WRITERS, export
 from uvcloth.commands.run.rollout import animate
@@ -128,7 +129,11 @@ def test_a_fabric_that_the_model_does_not_read_is_refused(tmp_path: Path) -> Non
     with pytest.raises(InputError, match="--fabric silk: model pbns knows only the fabric of its training"):
         export(Export("pbns", tmp_path / "rig.glb", fabric="silk"))
     with pytest.raises(InputError, match="--fabric silk: model lbs knows only the fabric"):
-        animate(Rollout("walk", ("tops",), (tmp_path / "walk.npz",), ("lbs",), fabric=("silk",)))
+        animate(
+            Rollout(
+                "walk", ("tops",), (tmp_path / "walk.npz",), ("lbs",), fitting=FitOptions(fabric=("silk",))
+            )
+        )
     assert not list(tmp_path.iterdir())
 
 

@@ -29,14 +29,15 @@ from uvcloth.motion.library import load_clip
 from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulation import batch, quality_check
 from uvcloth.simulation import plan as planning
-from uvcloth.simulation.batch import chosen_engine, simulate_batch
+from uvcloth.simulation.batch import simulate_batch
 from uvcloth.simulation.blender import Blender
 from uvcloth.simulation.engines import ENGINES
 from uvcloth.simulation.explicit import Explicit
+from uvcloth.simulation.options import SimulationOptions
 from uvcloth.simulation.plan import ClipSelection, Job
 from uvcloth.simulation.progress import FramesBar, progress_text
 from uvcloth.simulation.quality_check import MAX_INSIDE_PERCENT, examine
-from uvcloth.simulation.workers import ONE_PER_CORE, Workers, forgotten
+from uvcloth.simulation.workers import Workers, forgotten
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"
 
@@ -244,7 +245,7 @@ def test_garments_that_would_share_files_are_refused(body: Body, tmp_path: Path)
 def test_an_even_mesh_is_refused_where_the_engine_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(ENGINES, "blender", lambda: Blender("python", "4.5.15"))
     with pytest.raises(InputError, match=r"--edge 0\.012: needs the explicit engine, blender simulates"):
-        chosen_engine("blender", None, ONE_PER_CORE, 0.012)
+        SimulationOptions("blender", edge=0.012).make_engine()
 
 
 def test_places_and_numbers_that_cannot_be_are_refused(body: Body, tmp_path: Path) -> None:
@@ -252,10 +253,10 @@ def test_places_and_numbers_that_cannot_be_are_refused(body: Body, tmp_path: Pat
     with pytest.raises(InputError, match="file: cannot be made a folder"):
         simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "file", body)
     with pytest.raises(InputError, match="--jobs 0: expected at least 1"):
-        simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "out", body, workers=Workers(jobs=0))
-    nowhere = Workers(scheduler="nowhere")
+        SimulationOptions(workers=Workers(jobs=0)).make_engine()
+    nowhere = SimulationOptions(workers=Workers(scheduler="nowhere"))
     with pytest.raises(InputError, match="--scheduler nowhere: no dask scheduler answers there"):
-        simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "out", body, workers=nowhere)
+        simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "out", body, options=nowhere)
 
 
 def test_a_job_that_is_forgotten_is_told_from_one_that_kills_its_workers() -> None:

@@ -17,6 +17,7 @@ from uvcloth.physics.fabric import Fabric
 from uvcloth.simulation import blender
 from uvcloth.simulation.batch import simulate_batch
 from uvcloth.simulation.blender import PYTHON_VARIABLE, Blender, find_blender
+from uvcloth.simulation.options import SimulationOptions
 from uvcloth.simulation.plan import ClipSelection
 
 STILL = Fabric(drag=0.0)
@@ -161,7 +162,13 @@ def test_nothing_is_written_where_the_engine_is_missing(
         ("havok", "--engine havok: expected one of explicit, blender"),
     ):
         with pytest.raises(InputError, match=words):
-            simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "data", body, engine=engine)
+            simulate_batch(
+                ClipSelection(["walk"]),
+                [["tops"]],
+                tmp_path / "data",
+                body,
+                options=SimulationOptions(engine),
+            )
     assert not list(tmp_path.iterdir())
 
 

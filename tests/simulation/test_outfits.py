@@ -19,6 +19,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulation import batch
 from uvcloth.simulation.explicit import Explicit
+from uvcloth.simulation.options import SimulationOptions
 from uvcloth.simulation.outfits import simulate_outfits
 from uvcloth.simulation.plan import ClipSelection, Job
 from uvcloth.wardrobe.designs import KINDS, PARTS, Design, limits
@@ -146,7 +147,9 @@ def test_one_fabric_for_all_is_that_of_each(
     made: list[Job] = []
     monkeypatch.setattr(batch, "simulate_all", lambda todo, *_: made.extend(todo))
     (tmp_path / "windows.csv").write_text(WINDOWS)
-    simulate_outfits(wardrobe, _selection(tmp_path), tmp_path / "out", 25, fabric="silk")
+    simulate_outfits(
+        wardrobe, _selection(tmp_path), tmp_path / "out", 25, options=SimulationOptions(fabric="silk")
+    )
     assert {job.fabric for job in made} == {FABRICS["silk"]}
     assert {job.labels["fabric"] for job in made} == {"silk"}
 
@@ -162,7 +165,9 @@ def test_data_of_another_fabric_than_the_outfit_are_refused(
         save_simulated(sequence.labelled(**made_by), path)
     simulate_outfits(wardrobe, _selection(out), tmp_path / "out", 25)
     with pytest.raises(InputError, match=r"jump_o0003_top\.npz: was .* \(density 0\.2 instead of 0\.08,"):
-        simulate_outfits(wardrobe, _selection(out), tmp_path / "out", 25, fabric="silk")
+        simulate_outfits(
+            wardrobe, _selection(out), tmp_path / "out", 25, options=SimulationOptions(fabric="silk")
+        )
 
 
 def test_outfits_are_read_again_with_their_bodies(jobs: list[Job], out: Path, body: Body) -> None:

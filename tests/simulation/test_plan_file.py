@@ -19,6 +19,7 @@ from uvcloth.simulation import batch
 from uvcloth.simulation import plan as planning
 from uvcloth.simulation.blender import Blender
 from uvcloth.simulation.engines import ENGINES
+from uvcloth.simulation.options import SimulationOptions
 from uvcloth.simulation.plan import Job
 from uvcloth.simulation.plan_file import PLAN, read_plan
 from uvcloth.simulation.planned import simulate_plan
@@ -251,7 +252,7 @@ def test_members_have_folders_of_their_own_and_need_the_explicit_engine(
     with pytest.raises(
         InputError, match=r"plan\.csv: row 2: ensemble members need the explicit engine, blender"
     ):
-        simulate_plan(plan, out, engine="blender")
+        simulate_plan(plan, out, options=SimulationOptions("blender"))
     simulate_plan(plan, out)
     assert _files(made, out) == ["walk_tops.npz", "members/1/walk_tops.npz"]
     assert [job.member for job in made] == [0, 1]

@@ -10,15 +10,12 @@ from uvcloth.commands.command import Command
 from uvcloth.commands.options import (
     CHARACTERS,
     MOTION,
-    Fabrics,
-    FromBody,
-    GarmentPose,
+    FitOptions,
+    GarmentFiles,
     GarmentsInOrder,
-    Holds,
     MotionFile,
     OnCharacter,
     Quality,
-    Tucks,
     Wrinkled,
     WrinklesFrom,
 )
@@ -50,13 +47,8 @@ class Bake(Command):
     quality: Quality = "default"
     wrinkles: Wrinkled = False
     wrinkles_from: WrinklesFrom = None
-    tuck: Tucks = ()
-    hold: Holds = ()
-    garment_pose: GarmentPose = None
     on_character: OnCharacter = False
-    from_body: FromBody = None
-    fabric: Fabrics = ()
-    """Fabric of the garments: one for all, or one for each."""
+    fitting: GarmentFiles = field(default_factory=FitOptions)
     options: MotionFile = field(default_factory=MotionOptions)
 
     def check(self) -> None:

@@ -1,5 +1,6 @@
 """Types of options that several commands have: ranges, and names and defaults in help texts."""
 
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal, get_args
@@ -118,29 +119,7 @@ OnCharacter = Annotated[
         help="Garment files lie on the character as its file has it: in its axes, its unit and its bind pose."
     ),
 ]
-Tucks = Annotated[
-    tuple[str, ...],
-    arg(
-        metavar="GARMENT:INTO ...",
-        help="Garments that are tucked into others, by name: shirt:bottoms wears the shirt beneath the "
-        "trousers, whatever the order.",
-        help_behavior_hint="",
-    ),
-]
-Holds = Annotated[
-    tuple[str, ...],
-    arg(
-        metavar="[GARMENT:]PLACE|FILE ...",
-        help="Places that hold garments up: top (the uppermost hem), collar, waist, cuffs or shoulders; "
-        "`uvcloth fit` names those of a garment. cuffs: sleeves or trouser legs with a closure. Or, with the "
-        "garment's name, a .txt file of the numbers of its vertices, from 0.",
-        help_behavior_hint="(default: the uppermost hem, or the shoulders)",
-    ),
-]
 Fabric = Annotated[FabricName | None, arg(metavar=FABRIC_NAMES, help_behavior_hint="(default: jersey)")]
-Fabrics = Annotated[
-    tuple[FabricName, ...], arg(metavar=f"{FABRIC_NAMES} ...", help_behavior_hint="(default: jersey)")
-]
 Dynamics = Annotated[
     float | None,
     arg(
@@ -159,3 +138,37 @@ Port = Annotated[int, arg(metavar="N"), Between(1, 65535)]
 Host = Annotated[str, arg(metavar="ADDRESS"), Text(r"[\w.:%-]+", "an address or the name of a machine")]
 Threads = Annotated[int, arg(metavar="N"), Between(1, 1024)]
 MotionFile = Annotated[OmitArgPrefixes[MotionOptions], arg(name="motion file")]
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """Fitting of the garments: how they are worn, and what is known of their files."""
+
+    tuck: Annotated[
+        tuple[str, ...],
+        arg(
+            metavar="GARMENT:INTO ...",
+            help="Garments that are tucked into others, by name: shirt:bottoms wears the shirt beneath the "
+            "trousers, whatever the order.",
+            help_behavior_hint="",
+        ),
+    ] = ()
+    hold: Annotated[
+        tuple[str, ...],
+        arg(
+            metavar="[GARMENT:]PLACE|FILE ...",
+            help="Places that hold garments up: top (the uppermost hem), collar, waist, cuffs or shoulders; "
+            "`uvcloth fit` names those of a garment. cuffs: sleeves or trouser legs with a closure. Or, with "
+            "the garment's name, a .txt file of the numbers of its vertices, from 0.",
+            help_behavior_hint="(default: the uppermost hem, or the shoulders)",
+        ),
+    ] = ()
+    garment_pose: GarmentPose = None
+    from_body: FromBody = None
+    fabric: Annotated[
+        tuple[FabricName, ...], arg(metavar=f"{FABRIC_NAMES} ...", help_behavior_hint="(default: jersey)")
+    ] = ()
+    """Fabric of the garments, for the cloth solver and DeePSD models: one for all, or one for each."""
+
+
+GarmentFiles = Annotated[OmitArgPrefixes[FitOptions], arg(name="garment")]

@@ -1,15 +1,14 @@
 """Options of `rest`, which `uvcloth serve` runs: how garments lie on a character before they are baked."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import arg
 
 from uvcloth.commands.command import Command
-from uvcloth.commands.options import CHARACTERS, FromBody, GarmentPose, Holds, Tucks
+from uvcloth.commands.options import CHARACTERS, FitOptions, GarmentFiles
 from uvcloth.files.options import InputPath, NewFile, Several
-from uvcloth.physics.fabric import FabricName
 
 
 @dataclass(frozen=True)
@@ -23,8 +22,4 @@ class Rest(Command):
     out: Annotated[Path, NewFile((".npz",))]
     """File to write: per garment NAME.vertices as the character's file has them, and the masks NAME.inside,
     NAME.beneath and NAME.left."""
-    tuck: Tucks = ()
-    hold: Holds = ()
-    garment_pose: GarmentPose = None
-    from_body: FromBody = None
-    fabric: tuple[FabricName, ...] = ()
+    fitting: GarmentFiles = field(default_factory=FitOptions)

@@ -13,18 +13,15 @@ from uvcloth.commands.options import (
     MOTION,
     BodyFile,
     Dynamics,
-    Fabrics,
-    FromBody,
-    GarmentPose,
+    FitOptions,
+    GarmentFiles,
     GarmentsInOrder,
-    Holds,
     Models,
     MotionFile,
     Port,
     Quality,
     TemplateName,
     Threads,
-    Tucks,
     Wrinkled,
     WrinklesFrom,
 )
@@ -79,12 +76,6 @@ class Rollout(Command):
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
     ] = ()
     """Template that a PhysXNet predicts a garment as: one for all, or one for each in order."""
-    tuck: Tucks = ()
-    hold: Holds = ()
-    garment_pose: GarmentPose = None
-    from_body: FromBody = None
-    fabric: Fabrics = ()
-    """Fabric of the garments, for the cloth solver and DeePSD models: one for all, or one for each."""
     dynamics: Dynamics = None
     body: BodyFile = None
     """A body made by `uvcloth body`."""
@@ -121,6 +112,7 @@ class Rollout(Command):
     """Device of the computation."""
     threads: Threads = 1
     """Number of CPU threads; on a loaded machine several are slower than one."""
+    fitting: GarmentFiles = field(default_factory=FitOptions)
     options: MotionFile = field(default_factory=MotionOptions)
 
     def check(self) -> None:

@@ -1,6 +1,6 @@
 """`uvcloth tryon`: its options."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -8,20 +8,16 @@ from tyro.conf import Positional, arg
 
 from uvcloth.commands.command import Command
 from uvcloth.commands.options import (
-    GARMENT,
     JSON,
     PNG,
-    TEMPLATE_NAMES,
     BodyFile,
-    Fabrics,
-    FromBody,
-    GarmentPose,
-    Holds,
+    FitOptions,
+    GarmentFiles,
+    GarmentsInOrder,
     Models,
     Quality,
-    Tucks,
 )
-from uvcloth.files.options import Between, InputPath, Several
+from uvcloth.files.options import Between, InputPath
 
 PHOTOGRAPH = InputPath((".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp"))
 
@@ -35,15 +31,7 @@ class TryOn(Command):
     keypoints: Annotated[Path, JSON]
     """The person's keypoints in pixels, JSON of OpenPose (BODY_25, COCO) or COCO, as detectors of poses write
     them; of several persons the largest is dressed."""
-    garment: Annotated[
-        tuple[str, ...],
-        arg(
-            metavar="NAME|FILE ...",
-            help=f"Templates ({TEMPLATE_NAMES}) or garment files, the innermost first.",
-        ),
-        GARMENT,
-        Several(least=1),
-    ]
+    garment: GarmentsInOrder
     out: Annotated[Path, PNG]
     """The picture to write, in the size of the photograph."""
     fitted: Annotated[Path | None, arg(metavar="PNG", help_behavior_hint=""), PNG] = None
@@ -54,9 +42,4 @@ class TryOn(Command):
     """A body made by `uvcloth body`, in the shape of the person."""
     model: Models = ()
     quality: Quality = "default"
-    tuck: Tucks = ()
-    hold: Holds = ()
-    garment_pose: GarmentPose = None
-    from_body: FromBody = None
-    fabric: Fabrics = ()
-    """Fabric of the garments: one for all, or one for each."""
+    fitting: GarmentFiles = field(default_factory=FitOptions)

@@ -29,17 +29,15 @@ from uvcloth.garments.order import check_order
 from uvcloth.garments.untangling import untangle
 from uvcloth.motion.index import INDEX
 from uvcloth.motion.lead_in import LeadIn
-from uvcloth.physics.fabric import find_fabric
-from uvcloth.simulation.engine import Engine, SubstepEngine
-from uvcloth.simulation.engines import ENGINES, require_engine_name
+from uvcloth.simulation.engine import Engine
 from uvcloth.simulation.members import member_engine
+from uvcloth.simulation.options import USUAL, SimulationOptions
 from uvcloth.simulation.plan import ClipSelection, Job, batch_sources, plan
 from uvcloth.simulation.progress import FramesBar
 from uvcloth.simulation.quality_check import examine
-from uvcloth.simulation.remeshed import Remeshed
 from uvcloth.simulation.run import simulate
 from uvcloth.simulation.unfinished import Place, clear_finished
-from uvcloth.simulation.workers import ONE_PER_CORE, Workers, connected, results
+from uvcloth.simulation.workers import Workers, connected, results
 
 LOGGER = logging.getLogger(__name__)
 
@@ -70,20 +68,15 @@ def simulate_batch(
     outfits: Sequence[Sequence[str]],
     out: Path,
     body: Body,
-    engine: str = "explicit",
-    fabric: str | None = None,
     ensemble: bool = False,
-    workers: Workers = ONE_PER_CORE,
-    edge: float | None = None,
+    options: SimulationOptions = USUAL,
 ) -> None:
     """Simulate every clip with every outfit into OUT/<clip>_<garment>.npz; what is there already is kept.
 
     selection: its index, if any, is copied to OUT/index.csv. body: is kept in OUT/bodies. outfits: garments
     that are simulated together, each outfit by itself, the innermost garment first: template names or mesh
-    files, whose garment is named by the file's stem. engine: one of ENGINES. fabric: a key of FABRICS, None
-    for the engine's. edge: m, as `Remeshed` has it; None simulates the garments' own meshes. ensemble:
-    simulate everything MEMBERS times, as `member_engine` has it, and write the other members to
-    OUT/members/<member>.
+    files, whose garment is named by the file's stem. ensemble: simulate everything MEMBERS times, as
+    `member_engine` has it, and write the other members to OUT/members/<member>.
 
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
     outfit together. Faulty captures are not simulated, but named in OUT/refused.csv, as are sequences that
@@ -93,7 +86,7 @@ def simulate_batch(
     process, or was made from other windows, layers, settings or on another body, for a scheduler that does
     not answer, or if the engine or the `simulate` extra is missing.
     """
-    made_by = chosen_engine(engine, fabric, workers, edge)
+    engine = options.make_engine()
     cloths = _cloths(outfits, body)
     for outfit in cloths:
         check_order([cloth.garment for cloth in outfit])
@@ -101,7 +94,7 @@ def simulate_batch(
     names = [tuple(cloth.garment.name for cloth in outfit) for outfit in cloths]
     folders = [member_folder(out, member) for member in range(MEMBERS if ensemble else 1)]
     for member, folder in enumerate(folders):
-        made = member_engine(made_by, member)
+        made = member_engine(engine, member)
         require_same(stored_sequences(folder), body, made.describe(), names)
     todo, refused = plan(sources, cloths, folders, body)
 
@@ -112,26 +105,7 @@ def simulate_batch(
                 keep_index(selection.windows, folder / INDEX)
 
     work = Work(todo, count_frames(todo), folders, {out: refused} if refused else {}, keep)
-    simulate_work(work, made_by, workers, out)
-
-
-def chosen_engine(engine: str, fabric: str | None, workers: Workers, edge: float | None = None) -> Engine:
-    """The engine of a command's options. Raises InputError for an unknown or missing engine, for less than
-    one worker, and for an even mesh where the engine has none.
-    """
-    require_engine_name(engine)
-    if workers.jobs is not None and workers.jobs < 1:
-        raise InputError(f"--jobs {workers.jobs}: expected at least 1")
-    made_by = ENGINES[engine]()
-    if fabric is not None:
-        made_by = made_by.with_fabric(find_fabric(fabric))
-    if edge is None:
-        return made_by
-    if not isinstance(made_by, SubstepEngine):
-        raise InputError(
-            f"--edge {edge:g}: needs the explicit engine, {engine} simulates a garment's own mesh"
-        )
-    return Remeshed(made_by, edge)
+    simulate_work(work, engine, options.workers, out)
 
 
 def simulate_work(work: Work, engine: Engine, workers: Workers, out: Path) -> None:

@@ -12,11 +12,11 @@ from uvcloth.garments.joined import join
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import find_fabric
-from uvcloth.simulation.batch import LEAD_IN, Work, chosen_engine, simulate_work
+from uvcloth.simulation.batch import LEAD_IN, Work, simulate_work
 from uvcloth.simulation.engine import Engine
+from uvcloth.simulation.options import USUAL, SimulationOptions
 from uvcloth.simulation.plan import ClipSelection, Job, Source, batch_sources, load_motion
 from uvcloth.simulation.run import RUN_UP
-from uvcloth.simulation.workers import ONE_PER_CORE, Workers
 from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, on_body, outfit_files
 
 
@@ -39,30 +39,27 @@ def simulate_outfits(
     selection: ClipSelection,
     out: Path,
     frames: int | None = None,
-    engine: str = "explicit",
-    fabric: str | None = None,
-    workers: Workers = ONE_PER_CORE,
-    edge: float | None = None,
+    options: SimulationOptions = USUAL,
 ) -> None:
     """Simulate every outfit of a folder over one window of its split, its garments together, on its body.
 
     The windows of a split are dealt to its outfits in turn. frames: most frames of a window to simulate.
-    fabric: of all, a key of FABRICS; None for each outfit's own. Written are OUT/<clip>_<garment>.npz and
-    OUT/bodies; what is there already is kept. Outfits of a split without windows are left
-    out. Raises InputError as `simulate_batch` does, for a folder without outfits, and if all are left out.
+    options: their fabric is that of all; None for each outfit's own. Written are OUT/<clip>_<garment>.npz and
+    OUT/bodies; what is there already is kept. Outfits of a split without windows are left out.
+    Raises InputError as `simulate_batch` does, for a folder without outfits, and if all are left out.
     """
-    made_by = chosen_engine(engine, None, workers, edge)
+    engine, fabric = replace(options, fabric=None).make_engine(), options.fabric
     if frames is not None and frames < 1:
         raise InputError(f"--most-frames {frames}: has to be 1 or more")
     outfits = [load_outfit_file(path) for path in outfit_files(folder)]
     if fabric is not None:
         made_of = find_fabric(fabric)
         outfits = [replace(outfit, fabric_name=fabric, fabric=made_of) for outfit in outfits]
-    _require_fabrics(stored_sequences(out), outfits, made_by)
+    _require_fabrics(stored_sequences(out), outfits, engine)
     tasks = _deal(outfits, batch_sources(selection), frames)
     todo = [task for task in tasks if not _done(task, out)]
     expected = sum(task.frames for task in todo)
-    simulate_work(Work(_jobs(todo, out), expected, [out]), made_by, workers, out)
+    simulate_work(Work(_jobs(todo, out), expected, [out]), engine, options.workers, out)
 
 
 def _require_fabrics(stored: Sequence[Stored], outfits: Sequence[OutfitFile], engine: Engine) -> None:

@@ -29,22 +29,19 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import INDEX, clip_file
 from uvcloth.motion.library import builtin_clips
 from uvcloth.motion.stop import come_to_rest
-from uvcloth.simulation.batch import Work, chosen_engine, count_frames, simulate_work
+from uvcloth.simulation.batch import Work, count_frames, simulate_work
 from uvcloth.simulation.engine import Engine
 from uvcloth.simulation.members import member_engine
+from uvcloth.simulation.options import USUAL, SimulationOptions
 from uvcloth.simulation.plan import Job, Source, interleaved, load_motion
 from uvcloth.simulation.plan_file import PLAN, PlanRow, plan_folders, read_plan
-from uvcloth.simulation.workers import ONE_PER_CORE, Workers
 
 
 def simulate_plan(
     plan: Path,
     out: Path,
     clips_from: Path | None = None,
-    engine: str = "explicit",
-    fabric: str | None = None,
-    workers: Workers = ONE_PER_CORE,
-    edge: float | None = None,
+    options: SimulationOptions = USUAL,
 ) -> None:
     """Simulate every row of a plan into OUT; what is there already is kept.
 
@@ -53,14 +50,14 @@ def simulate_plan(
     a copy of the plan lies in it. Raises InputError, before anything is simulated, as `simulate_batch` does,
     and as `read_plan` does, naming the faulty row.
     """
-    made_by = chosen_engine(engine, fabric, workers, edge)
+    engine = options.make_engine()
     rows = ordered(read_plan(plan))
-    _require_members(plan, rows, made_by)
+    _require_members(plan, rows, engine)
     stock = _Stock(plan, clips_from or plan.parent)
     folders = plan_folders(rows)
     for folder, folder_rows in folders.items():
         outfits = [*{row.names: None for row in folder_rows}]
-        made = member_engine(made_by, folder_rows[0].member)
+        made = member_engine(engine, folder_rows[0].member)
         require_same(stored_sequences(out / folder), stock.body(folder_rows[0]), made.describe(), outfits)
         require_windows((row.motion.entry for row in folder_rows), out / folder / INDEX)
     missing = [row for row in rows if not all(is_finished(out / file) for file in row.files)]
@@ -86,7 +83,7 @@ def simulate_plan(
             add_windows((row.motion.entry for row in folder_rows), out / folder / INDEX)
 
     work = Work(todo, count_frames(todo), [out / folder for folder in folders], refused, keep)
-    simulate_work(work, made_by, workers, out)
+    simulate_work(work, engine, options.workers, out)
 
 
 def ordered(rows: Sequence[PlanRow]) -> list[PlanRow]:

@@ -66,7 +66,7 @@ def bake(command: Bake) -> Baked:
         wearer = load_wearer(command.body, report)
         body, joints = wearer.body, wearer.joints
         frame = wearer.require_frame("--on-character") if command.on_character else None
-        outfit = load_worn(command, body, report, frame=frame)
+        outfit = load_worn(command.garment, command.fitting, body, report, frame=frame)
         if reason := unheld_reason(outfit):
             raise InputError(f"{reason}; the runtime cannot hold it up")
         require_own_names(command.out, [garment.name for garment in outfit.garments])

@@ -9,7 +9,7 @@ from typing import cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from uvcloth.commands.options import GARMENT
+from uvcloth.commands.options import GARMENT, FitOptions
 from uvcloth.commands.page import Page
 from uvcloth.commands.run.page_characters import (
     PageCharacter,
@@ -93,10 +93,10 @@ def _baked(
             f"{path}: {garment.name} is no template; name the file that `uvcloth bake` wrote of that garment"
         )
     fabric = _fabric(clip)
-    fabrics = () if fabric is None else (fabric,)
+    fitting = FitOptions() if fabric is None else FitOptions(fabric=(fabric,))
     default, fast = folder / f"{garment.name}.glb", folder / f"{garment.name}.fast.glb"
-    bake(Bake((garment.name,), default, body=body, fabric=fabrics))
-    bake(Bake((garment.name,), fast, body=body, fabric=fabrics, quality="fast"))
+    bake(Bake((garment.name,), default, body=body, fitting=fitting))
+    bake(Bake((garment.name,), fast, body=body, fitting=fitting, quality="fast"))
     return default, fast
 
 

@@ -29,7 +29,7 @@ def rest(command: Rest) -> list[str]:
     """
     wearer = load_wearer(command.body, print)
     frame = wearer.require_frame("rest")
-    outfit = load_worn(command, wearer.body, print, frame=frame)
+    outfit = load_worn(command.garment, command.fitting, wearer.body, print, frame=frame)
     paths = {Path(file).stem: Path(file) for file in command.garment}
     for name, path in paths.items():
         if name not in [garment.name for garment in outfit.garments]:

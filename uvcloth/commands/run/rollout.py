@@ -74,7 +74,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     body, out = load_body(command.body), command.out
     report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     with console.status("preparing"):
-        outfit = load_worn(command, body, report, command.template)
+        outfit = load_worn(command.garment, command.fitting, body, report, command.template)
         place = find_device(command.device)
         method, clear, choice = load_wanted_method(command, outfit, command.finish, command.dynamics)
         ready = ready_rollout(

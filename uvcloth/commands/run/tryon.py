@@ -34,7 +34,7 @@ def try_on(command: TryOn) -> Iterator[str]:
     size = photograph.shape[1], photograph.shape[0]
     keypoints = read_keypoints(command.keypoints, size)
     with console.status("loading the garments"):
-        outfit = load_worn(command, body, report)
+        outfit = load_worn(command.garment, command.fitting, body, report)
         method, clear, line = load_wanted_method(command, outfit)
     if line:
         report(line)

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from uvcloth.bodies.body import Body
-from uvcloth.commands.bake import Bake
-from uvcloth.commands.rest import Rest
+from uvcloth.commands.options import FitOptions
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.tryon import TryOn
 from uvcloth.garments.fit import Fitting
@@ -20,19 +19,18 @@ from uvcloth.rollouts.ready import ready_method
 
 
 def load_worn(
-    command: Rollout | TryOn | Bake | Rest,
+    garments: Sequence[str],
+    fitting: FitOptions,
     body: Body,
     report: Callable[[str], None],
     templates: Sequence[str] = (),
     frame: CharacterFrame | None = None,
 ) -> Outfit:
     """The garments of a command on a body. templates: as `load_outfit` has them. frame: as in Fitting."""
-    how = Fitting(command.garment_pose, from_body=command.from_body, frame=frame)
-    tucks = [Tuck.parse(text) for text in command.tuck]
-    holds = [Hold.parse(text) for text in command.hold]
-    return Outfit(
-        body, load_outfit(command.garment, body, report, templates, how, command.fabric, tucks, holds)
-    )
+    how = Fitting(fitting.garment_pose, from_body=fitting.from_body, frame=frame)
+    tucks = [Tuck.parse(text) for text in fitting.tuck]
+    holds = [Hold.parse(text) for text in fitting.hold]
+    return Outfit(body, load_outfit(garments, body, report, templates, how, fitting.fabric, tucks, holds))
 
 
 def load_wanted_method(
@@ -46,4 +44,4 @@ def load_wanted_method(
     dynamics: as `ready_method` has it.
     """
     models, line = named_models(command.model or (AUTO,), outfit)
-    return *ready_method(models, outfit, finish, command.quality, command.fabric, dynamics), line
+    return *ready_method(models, outfit, finish, command.quality, command.fitting.fabric, dynamics), line
