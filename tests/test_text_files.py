@@ -14,9 +14,9 @@ from uvcloth.formats.materials import TextureFiles, read_libraries
 from uvcloth.formats.obj import read_obj
 from uvcloth.garments.mhclo import read_binding
 from uvcloth.garments.pins import pinned
+from uvcloth.geometry.roles import read_role_map
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.index import read_index
-from uvcloth.motion.roles import read_role_map
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 4 3\n"
 

@@ -10,8 +10,8 @@ import torch
 from tests.small_body import small_body
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import COLLIDER_PARTS, make_collider
-from uvcloth.bodies.once import once_per_body
 from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.geometry.once import once_per_record
 
 
 def test_an_identity_says_in_what_two_bodies_differ() -> None:
@@ -46,10 +46,10 @@ def test_all_that_clothes_depend_on_is_in_the_whole(part: str) -> None:
     assert changed[part].identity.whole != body.identity.whole
 
 
-def test_what_follows_from_a_body_is_computed_once_per_body_and_option() -> None:
+def test_what_follows_from_a_body_is_computed_once_per_record_and_option() -> None:
     seen = []
 
-    @once_per_body
+    @once_per_record
     def height(body: Body, factor: float = 1.0) -> float:
         seen.append((body.name, factor))
         return factor * float(body.mesh.vertices[:, 2].max())

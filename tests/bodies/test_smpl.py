@@ -26,7 +26,6 @@ from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.motion.retarget import REQUIRED_ROLES
-from uvcloth.motion.roles import joint_roles
 
 Arrays = dict[str, np.ndarray]
 
@@ -106,7 +105,7 @@ def test_the_models_have_their_joints_regions_and_sides(kind: str, joints: int, 
     assert model.kind == kind
     assert body.skeleton.names == SMPL_JOINTS[kind]
     assert len(body.skeleton.names) == joints
-    assert set(REQUIRED_ROLES) <= joint_roles(body.skeleton.names).keys()
+    assert set(REQUIRED_ROLES) <= body.skeleton.roles.keys()
     mesh = trimesh.Trimesh(body.mesh.vertices.numpy(), body.mesh.faces.numpy(), process=False)
     assert mesh.is_watertight
     assert mesh.volume > 0

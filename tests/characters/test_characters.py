@@ -29,7 +29,6 @@ from uvcloth.errors import InputError
 from uvcloth.garments.templates import load_template, tailored
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.motion.library import load_clip
-from uvcloth.motion.roles import joint_roles
 from uvcloth.physics.surface import BodySurface
 from uvcloth.writers.writer import open_writer
 
@@ -72,7 +71,7 @@ def test_names_axes_unit_and_pose_of_a_file_do_not_matter(body: Body, tmp_path: 
     assert rigged.unit == "m"
     assert 35 < rigged.turned < 45
     off = (rigged.skeleton.heads - body.skeleton.heads).norm(dim=1)
-    known = {joint_roles(body.skeleton.names)[role] for role in rigged.roles}
+    known = {body.skeleton.roles[role] for role in rigged.roles}
     assert float(off[list(known)].max()) < 2e-3
     # Joints that the file's names do not tell lie as in our body.
     assert float(off.max()) < 0.02
@@ -97,7 +96,7 @@ def test_the_table_of_a_vrm_file_goes_before_names(body: Body, tmp_path: Path, v
     rewritten(path, vrm_table(version, swapped))
     rigged = rig_character(read_character(path), {}, body)
     assert rigged.roles["left_shin"] == "RightLeg"
-    joints = joint_roles(body.skeleton.names)
+    joints = body.skeleton.roles
     off = (rigged.skeleton.heads - body.skeleton.heads)[[joints[role] for role in rigged.roles]]
     assert float(off.norm(dim=1).max()) < 2e-3
 

@@ -12,9 +12,9 @@ from uvcloth.bodies.body import save_body
 from uvcloth.dataset.folder import MEMBERS
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.pins import pinned
+from uvcloth.geometry.roles import ROLES, read_role_map
 from uvcloth.motion.index import Entry, read_index
 from uvcloth.motion.poses import SPLITS
-from uvcloth.motion.roles import ROLES, read_role_map
 from uvcloth.physics.fabric import FABRICS, RANGES
 from uvcloth.simulation.plan_file import PlanRow, read_plan
 from uvcloth.tryon.keypoints import BODY_25, FEWEST, Keypoints, read_keypoints

@@ -19,7 +19,6 @@ from uvcloth.errors import InputError
 from uvcloth.motion.library import load_clip, read_motion
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.retarget import lowest_vertex
-from uvcloth.motion.roles import joint_roles
 
 Arrays = dict[str, Any]
 
@@ -128,7 +127,7 @@ def test_on_our_body_limbs_point_where_the_file_says(tmp_path: Path, body: Body)
     poses[3, 0] = [0.5 * np.pi, 0.0, 0.0]
     poses[3, 17] = [0.0, 0.0, 0.5 * np.pi]  # the right shoulder, arm down
     clip = load_clip(write(tmp_path / "t.npz", {**arrays, "poses": poses.reshape(4, -1)}), body)
-    roles = joint_roles(body.skeleton.names)
+    roles = body.skeleton.roles
     positions = clip.positions()
 
     def bone(frame: int, start: str, end: str) -> torch.Tensor:

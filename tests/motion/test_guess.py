@@ -9,7 +9,6 @@ from tests.characters.made_up import t_posed
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.guess import find_roles, guess_roles
-from uvcloth.motion.roles import joint_roles
 
 Y_UP = torch.tensor([[100.0, 0, 0], [0, 0, -100], [0, 100, 0]])
 TURNED = torch.tensor([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -20,7 +19,7 @@ def by_name(skeleton: Skeleton) -> dict[str, int]:
     fingers = {
         f"{side.lower()}_fingers": skeleton.names.index(f"{side}FingerBase") for side in ("Left", "Right")
     }
-    return joint_roles(skeleton.names) | fingers
+    return skeleton.roles | fingers
 
 
 def with_joints_between(skeleton: Skeleton, bones: tuple[str, ...], crown: float) -> Skeleton:
@@ -63,7 +62,7 @@ def test_a_map_goes_before_the_guess_and_names_before_both_need_it(body: Body) -
     assert roles["head"] == 13
     assert roles["left_shin"] == skeleton.names.index("LeftLeg")
     assert find_roles(skeleton.names, skeleton.parents, skeleton.heads, {}, {}) == (
-        joint_roles(skeleton.names),
+        skeleton.roles,
         False,
     )
 

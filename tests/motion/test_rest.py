@@ -13,13 +13,13 @@ from tests.motion.families import FAMILIES
 from tests.motion.layouts import ROLES, difference, write_layout
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
+from uvcloth.geometry.roles import joint_roles
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import pose_from_rest
 from uvcloth.motion.library import load_clip, load_source, save_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.rest import ZERO_POSE, rebase, standing_axis
-from uvcloth.motion.roles import joint_roles
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +129,7 @@ def test_a_first_frame_in_place_of_the_rest_pose_is_none(
     turned = replace(walk, rotations=about @ walk.rotations, translation=walk.translation @ about.T)
     save_clip(rebase(turned, turned.rotations[0]), tmp_path / "step.npz")
     heads = load_source(tmp_path / "step.npz", body).clip.skeleton.heads
-    assert standing_axis(heads, joint_roles(walk.skeleton.names)) is not None
+    assert standing_axis(heads, walk.skeleton.roles) is not None
     source = load_source(tmp_path / "step.npz", body)
     assert source.rest.origin == "the motion"
     gap = difference(load_clip(tmp_path / "step.npz", body), turned, dict.fromkeys(ROLES.values(), ""))

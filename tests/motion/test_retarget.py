@@ -13,11 +13,11 @@ from tests.motion.bvh_text import Joint, bvh_text, performer, still
 from tests.thorough import always
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
+from uvcloth.geometry.roles import joint_roles
 from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.retarget import lowest_vertex, resample, retarget
-from uvcloth.motion.roles import joint_roles
 
 MOCAP = Path(os.environ.get("UVCLOTH_MOCAP", Path(__file__).parents[3] / "shared" / "mocap"))
 CAPTURES = sorted((MOCAP / "cmu").glob("*.bvh"))
@@ -83,7 +83,7 @@ def test_the_zero_pose_is_the_t_pose_with_straight_legs(tmp_path: Path, arms_dow
 def test_hands_without_fingers_go_on_as_their_forearms(tmp_path: Path, body: Body) -> None:
     """The rest poses differ: arms of the clip point sideways, those of the body down."""
     joints = performer()
-    fingers = {joint for role, joint in joint_roles(body.skeleton.names).items() if role.endswith("fingers")}
+    fingers = {joint for role, joint in body.skeleton.roles.items() if role.endswith("fingers")}
     names = tuple(f"part {n}" if n in fingers else name for n, name in enumerate(body.skeleton.names))
     stump = replace(body, skeleton=replace(body.skeleton, names=names))
     result = retarget(clip_of(tmp_path, joints, still(joints)), stump)
@@ -281,7 +281,7 @@ def test_captures_retarget_and_left_stays_left(path: Path, body: Body) -> None:
     torch.testing.assert_close(identity, torch.eye(3).expand_as(identity), atol=1e-4, rtol=0)
 
     source, target = (
-        {role: skeleton.names[i] for role, i in joint_roles(skeleton.names).items()}
+        {role: skeleton.names[i] for role, i in skeleton.roles.items()}
         for skeleton in (thinned.skeleton, clip.skeleton)
     )
     thigh, foot = (thinned.skeleton.names.index(source[f"left_{joint}"]) for joint in ("thigh", "foot"))

@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from tests.thorough import always
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Outfit as WornOutfit
+from uvcloth.geometry.roles import joint_roles
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig, bake_outfit
 from uvcloth.motion.library import load_clip
-from uvcloth.motion.roles import joint_roles
 from uvcloth.player.outfit import Cloth, Outfit
 from uvcloth.rollouts.rollout import rollout
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from uvcloth.bodies.materials import material_arrays, with_materials
@@ -144,6 +145,12 @@ class Body:
             shape=fingerprint(mesh.vertices.float()),
             whole=fingerprint(joints, *parts, *(() if shapes is None else (shapes,))),
         )
+
+    def head_of(self, role: str) -> NDArray[np.float64]:
+        """Rest position (3,) m of the joint that plays a role. Raises InputError for none."""
+        if role not in self.skeleton.roles:
+            raise InputError(f"body {self.name}: no joint of its skeleton is the {role.replace('_', ' ')}")
+        return self.skeleton.heads[self.skeleton.roles[role]].numpy().astype(np.float64)
 
 
 def resized(body: Body, factor: float) -> Body:

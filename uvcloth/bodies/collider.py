@@ -17,9 +17,9 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
-from uvcloth.bodies.once import once_per_body
 from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import boundary_edges, edge_groups, unique_edges
+from uvcloth.geometry.once import once_per_record
 
 Parts = Sequence[tuple[tuple[str, ...], tuple[int, ...]]]
 """Regions that move together, and their sides."""
@@ -170,7 +170,7 @@ class Collider:
         return crossed
 
 
-@once_per_body
+@once_per_record
 def make_collider(body: Body, parts: Parts = COLLIDER_PARTS) -> Collider:
     """Cut the body into parts and close each opening with a cap; `touches` needs the default parts."""
     kept = [
@@ -202,7 +202,7 @@ def compact(parts: Sequence[Tensor]) -> tuple[Tensor, list[NDArray]]:
     return torch.cat(used), faces
 
 
-@once_per_body
+@once_per_record
 def part_alone(body: Body, part: int) -> tuple[Tensor, Collider]:
     """One of COLLIDER_PARTS as a collider of its own, for uses of many poses of that part alone.
 

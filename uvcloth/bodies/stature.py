@@ -1,13 +1,13 @@
 """Height of a body, and its ratio to that of adults, for whom limits and models are made."""
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.once import once_per_body
+from uvcloth.geometry.once import once_per_record
 
 ADULTS = (1.4, 2.2)
 """Heights of adults, metres; the models that ship and limits of speed are for their motion and clothes."""
 
 
-@once_per_body
+@once_per_record
 def stature(body: Body) -> float:
     """Height of a body at rest, metres."""
     heights = body.mesh.vertices[:, 2]

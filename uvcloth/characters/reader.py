@@ -14,7 +14,7 @@ from uvcloth.formats.gltf import SCENES, Gltf, read_gltf, require_few
 from uvcloth.formats.gltf_rig import SkinJoints, inverse_bind, largest_skin, read_rig, resting_worlds
 from uvcloth.formats.vrm import spring_nodes
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.motion.roles import table_roles
+from uvcloth.geometry.roles import table_roles
 from uvcloth.player.gltf_document import LARGEST
 from uvcloth.player.gltf_file import one_line
 from uvcloth.player.nodes import chain

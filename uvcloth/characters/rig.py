@@ -22,7 +22,6 @@ from uvcloth.motion.anatomy import unit
 from uvcloth.motion.guess import find_roles
 from uvcloth.motion.rest import standing_axis
 from uvcloth.motion.retarget import LIMB_BONES, REQUIRED_ROLES, body_axes, bone_directions
-from uvcloth.motion.roles import joint_roles
 
 TRUNK = ("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")
 """Our joints from the hips up; missing ones are placed between the others."""
@@ -87,7 +86,7 @@ def rig_character(
             f"{HEIGHTS[0]} to {HEIGHTS[1]} m; give another unit with --unit, or scale it"
         )
     known_at = character.heads @ turn.T * SIZES[unit_name]
-    ours = joint_roles(pattern.skeleton.names)
+    ours = pattern.skeleton.roles
     known = {ours[role]: known_at[joint] for role, joint in roles.items() if role in ours}
     _check_limbs(known_at, roles, character)
     heads = _complete(known, pattern, ours)

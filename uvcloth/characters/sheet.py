@@ -15,7 +15,6 @@ from uvcloth.characters.reader import Part, read_character
 from uvcloth.characters.rig import RiggedCharacter, rig_character
 from uvcloth.errors import InputError
 from uvcloth.motion.guess import find_roles
-from uvcloth.motion.roles import joint_roles
 from uvcloth.motion.stick_sheet import LEFT, MIDDLE, RIGHT
 from uvcloth.rendering.lighting import COARSE
 from uvcloth.rendering.render import (
@@ -75,9 +74,7 @@ def character_sheet(
         ]
         return _views(surfaces, character.heads @ FROM_Y_UP.T, character.parents, roles)
     skeleton = rigged.skeleton
-    return _views(
-        _surfaces(rigged, keep, drop), skeleton.heads, skeleton.parents, joint_roles(skeleton.names)
-    )
+    return _views(_surfaces(rigged, keep, drop), skeleton.heads, skeleton.parents, skeleton.roles)
 
 
 def _surfaces(rigged: RiggedCharacter, keep: Iterable[str], drop: Iterable[str]) -> list[Surface]:

@@ -27,8 +27,8 @@ from uvcloth.garments.placing import (
 )
 from uvcloth.garments.pose import LEG, REST, Stance, has_arms, limbs_held, posed_body
 from uvcloth.geometry.mesh import Mesh, face_normals
+from uvcloth.geometry.roles import assign_roles
 from uvcloth.geometry.units import UNITS
-from uvcloth.motion.roles import assign_roles
 from uvcloth.physics.surface import BodySurface
 
 UPS = {

@@ -15,9 +15,9 @@ from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.places import BAND_WIDTH, hem_band, hems, places
-from uvcloth.garments.shells import joint_of
 from uvcloth.garments.templates import load_template
 from uvcloth.geometry.mesh import boundary_edges, face_normals, weld
+from uvcloth.geometry.once import once_per_record
 
 BELOW_TOP = 0.1
 """Metres that the uppermost hem may be below the top of its piece: the hem of a hood is."""
@@ -64,10 +64,12 @@ def unheld_reason(outfit: Outfit) -> str:
     return ""
 
 
+@once_per_record
 def holding_band(garment: Garment, body: Body) -> Band:
     """The band of a garment, which a simulation attaches to the body; each separate piece is held by its own.
 
-    The places of `garment.holds` and the vertices of `garment.pins` count, if it has any. Raises InputError
+    It is computed once per garment and body. The places of `garment.holds` and the vertices of `garment.pins`
+    count, if it has any. Raises InputError
     for a piece that neither an open hem at its top nor the shoulders hold.
     """
     is_named = bool(garment.holds) or garment.pins is not None
@@ -84,7 +86,7 @@ def holding_band(garment: Garment, body: Body) -> Band:
             held |= masks.get(place, held)
     area = face_normals(mesh.vertices, mesh.faces).norm(dim=1)
     banded = max(float((area * held[mesh.faces].float().mean(1)).sum()), LEAST_BANDED * float(area.sum()))
-    on_shoulders = float(mesh.vertices[held][:, 2].mean()) > joint_of(body, "left_upper_arm")[2]
+    on_shoulders = float(mesh.vertices[held][:, 2].mean()) > body.head_of("left_upper_arm")[2]
     share = SHOULDER_SHARE if on_shoulders else WAIST_SHARE
     return Band(held, 1.0 + share * (float(area.sum()) - banded) / banded)
 

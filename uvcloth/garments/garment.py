@@ -10,7 +10,7 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.physics.fabric import JERSEY, Fabric
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Garment:
     """One garment on one body.
 

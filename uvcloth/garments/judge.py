@@ -13,7 +13,6 @@ from uvcloth.errors import InputError
 from uvcloth.garments.places import hems
 from uvcloth.garments.placing import AXES, SEARCH_DISTANCE, ClothSample, lies_along, misfit
 from uvcloth.geometry.mesh import Mesh, boundary_edges, edge_groups, face_normals, unique_edges
-from uvcloth.motion.roles import joint_roles
 from uvcloth.physics.shell import Shell
 from uvcloth.physics.surface import BodySurface
 
@@ -175,7 +174,7 @@ def measure(mesh: Mesh, welded: Tensor, body: Body, surface: BodySurface) -> Mea
 
 def _pierced(cloth: Shell, body: Body) -> bool:
     """Test for a bone of BONES that runs through cloth."""
-    roles = joint_roles(body.skeleton.names)
+    roles = body.skeleton.roles
     chains = [[roles[role] for role in chain if role in roles] for chain in BONES]
     bones = torch.tensor([bone for chain in chains for bone in pairwise(chain)], dtype=torch.int64)
     start, end = body.skeleton.heads[bones.reshape(-1, 2)].unbind(1)

@@ -11,7 +11,6 @@ from uvcloth.errors import InputError
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.numbered import numbered
-from uvcloth.garments.shells import joint_of
 
 PIN_SETS = ("band", "waist", "neck", "none")
 """Named vertex sets: the holding band, or its part below or above the middle of the trunk."""
@@ -47,6 +46,6 @@ def pinned(garments: Sequence[Garment], body: Body, names: Sequence[str]) -> Ten
 
 def _place(garment: Garment, body: Body, place: str) -> Tensor:
     band = holding_band(garment, body).vertices
-    middle = 0.5 * float(joint_of(body, "hips")[2] + joint_of(body, "left_upper_arm")[2])
+    middle = 0.5 * float(body.head_of("hips")[2] + body.head_of("left_upper_arm")[2])
     low = garment.mesh.vertices[:, 2] < middle
     return {"band": band, "waist": band & low, "neck": band & ~low}[place]

@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.garments.shells import joint_of
 from uvcloth.geometry.mesh import Mesh, boundary_edges, vertex_normals, weld
 
 PLACES = ("top", "collar", "waist", "cuffs", "shoulders")
@@ -31,11 +30,11 @@ LIES_WITHIN = 0.04
 def places(mesh: Mesh, body: Body) -> Mapping[str, Tensor]:
     """Vertices (N,) bool of each place that a garment at rest on a body has, but for its top.
 
-    A hem belongs to the place that its middle is nearest to. Raises InputError as `joint_of` does.
+    A hem belongs to the place that its middle is nearest to. Raises InputError as `Body.head_of` does.
     """
     vertices, count = mesh.vertices, len(mesh.vertices)
-    shoulder = joint_of(body, "left_upper_arm")
-    hips, aside = float(joint_of(body, "hips")[2]), abs(float(shoulder[0]))
+    shoulder = body.head_of("left_upper_arm")
+    hips, aside = float(body.head_of("hips")[2]), abs(float(shoulder[0]))
     trunk = float(shoulder[2]) - hips
     masks: dict[str, Tensor] = {}
     for hem in hems(boundary_edges(weld(vertices)[mesh.faces])):

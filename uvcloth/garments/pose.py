@@ -12,10 +12,10 @@ from uvcloth.errors import InputError
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.placing import POINTS, ClothSample, misfit
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.roles import assign_roles
 from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 from uvcloth.geometry.skinning import blend_transforms, skin
-from uvcloth.motion.roles import assign_roles
 from uvcloth.physics.surface import BodySurface
 
 POSES = {"t": 0.0, "a": 45.0}

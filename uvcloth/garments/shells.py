@@ -18,7 +18,6 @@ from uvcloth.errors import InputError
 from uvcloth.garments.cut import cut, place
 from uvcloth.garments.remesh import largest_faces
 from uvcloth.geometry.subdivide import loop_subdivision
-from uvcloth.motion.roles import joint_roles
 
 Array = NDArray[np.float64]
 
@@ -124,14 +123,6 @@ def joint(body: Body, name: str) -> Array:
     if name not in body.skeleton.names:
         raise InputError(f"body {body.name}: its skeleton has no joint {name}")
     return body.skeleton.heads[body.skeleton.names.index(name)].numpy().astype(np.float64)
-
-
-def joint_of(body: Body, role: str) -> Array:
-    """Rest position (3,) m of the joint that plays a role, in any skeleton. Raises InputError for none."""
-    roles = joint_roles(body.skeleton.names)
-    if role not in roles:
-        raise InputError(f"body {body.name}: no joint of its skeleton is the {role.replace('_', ' ')}")
-    return body.skeleton.heads[roles[role]].numpy().astype(np.float64)
 
 
 def _outline(body: Body, centre: Array, z: float, thickness: float, angles: Array) -> Array:

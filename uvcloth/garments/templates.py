@@ -12,13 +12,13 @@ from torch import Tensor
 
 from rasterize.gather import gather
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.once import once_per_body
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays, smallest_indices
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.shells import TEMPLATE_SKIRT, Bodice, SkirtCut, dress_shell, tight_shell
 from uvcloth.geometry.mesh import Mesh, boundary_edges, neighbour_average, vertex_normals
+from uvcloth.geometry.once import once_per_record
 from uvcloth.physics.surface import BodySurface
 
 TEMPLATES = ("tops", "bottoms", "dress", "shirt", "skirt", "jacket")
@@ -68,7 +68,7 @@ def fit_template(name: str, body: Body) -> Garment:
     return _on_body(body, name)
 
 
-@once_per_body
+@once_per_record
 def _on_body(body: Body, name: str) -> Garment:
     template = load_template(name)
     mesh = tailored(template, body)

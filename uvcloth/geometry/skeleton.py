@@ -1,13 +1,15 @@
 """Skeletons and forward kinematics."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
 from uvcloth.errors import InputError
+from uvcloth.geometry.roles import joint_roles
 
 MOST_JOINTS = 2000
 """Limit for a skeleton in a file; film characters with faces have about 1,500."""
@@ -26,6 +28,11 @@ class Skeleton:
     names: tuple[str, ...]
     parents: tuple[int, ...]
     heads: Tensor
+
+    @cached_property
+    def roles(self) -> Mapping[str, int]:
+        """Index of the joint that plays each role, as `joint_roles` reads the names."""
+        return joint_roles(self.names)
 
     def branch(self, joint: int) -> list[int]:
         """A joint and all joints below it, in their order."""

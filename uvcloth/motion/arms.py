@@ -10,7 +10,6 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import LEG_PARTS, TORSO_PART, part_alone
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import faces_around
-from uvcloth.motion.roles import joint_roles
 
 TORSO_CLEARANCE = 0.02
 """Metres that bones of forearms and hands keep from the torso's skin: a forearm then touches it."""
@@ -130,7 +129,7 @@ def winds_around(corners: Tensor, points: Tensor) -> Tensor:
 
 def arm_joints(body: Body) -> list[tuple[int, int, int, int]]:
     """Joints of upper arm, forearm, hand and fingers of each arm that has them all, left before right."""
-    roles = joint_roles(body.skeleton.names)
+    roles = body.skeleton.roles
     names = ("upper_arm", "forearm", "hand", "fingers")
     arms = ([roles.get(f"{side}_{name}", -1) for name in names] for side in ("left", "right"))
     return [

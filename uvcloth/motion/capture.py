@@ -7,7 +7,6 @@ from torch import Tensor
 
 from uvcloth.geometry.skeleton import local_rotations
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.roles import joint_roles
 
 MAX_FRAME_TURN = 90.0
 """Most degrees that a joint may turn in world axes from one frame to the next."""
@@ -59,7 +58,7 @@ def find_standstill(clip: Clip, first: int = 0) -> str | None:
 
 
 def _joints(clip: Clip) -> list[int]:
-    roles = joint_roles(clip.skeleton.names)
+    roles = clip.skeleton.roles
     return sorted(joint for role, joint in roles.items() if not role.endswith(WITHOUT_CLOTH))
 
 

@@ -10,9 +10,9 @@ from uvcloth.errors import InputError
 from uvcloth.formats.gltf import SCENES, Gltf, read_gltf
 from uvcloth.formats.gltf_rig import SkinJoints, largest_skin, read_rig
 from uvcloth.formats.vrm import human_bones
+from uvcloth.geometry.roles import table_roles
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.hierarchy import Hierarchy, to_clip
-from uvcloth.motion.roles import table_roles
 from uvcloth.player.animation import (
     animation_name,
     animations_of,

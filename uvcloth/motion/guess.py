@@ -14,9 +14,9 @@ from itertools import combinations
 import numpy as np
 from torch import Tensor
 
+from uvcloth.geometry.roles import assign_roles
 from uvcloth.motion.rest import standing_axis
 from uvcloth.motion.retarget import REQUIRED_ROLES
-from uvcloth.motion.roles import assign_roles
 
 TOLERANCE = 0.03
 """Distance, over the height of the skeleton, within which a joint is on the plane or mirrors another."""

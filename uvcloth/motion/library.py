@@ -10,10 +10,11 @@ import numpy as np
 import torch
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.once import once_per_body
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.fields import check_fields, indices, names, numbers
+from uvcloth.geometry.once import once_per_record
+from uvcloth.geometry.roles import read_role_map
 from uvcloth.geometry.rotations import are_unit, from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton, in_order
 from uvcloth.motion.amass import carried_over, fits_unchanged, is_amass, read_amass
@@ -26,7 +27,6 @@ from uvcloth.motion.options import FPS_RANGE, MotionOptions
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.rest import ZERO_POSE, ClipFromRest, find_rest
 from uvcloth.motion.retarget import require_limbs, required_roles, retarget
-from uvcloth.motion.roles import read_role_map
 
 LOGGER = logging.getLogger(__name__)
 
@@ -93,7 +93,7 @@ def _load_whole(body: Body, name: str, options: MotionOptions) -> Clip:
         raise InputError(f"{name}: {error}") from error
 
 
-_load_builtin = once_per_body(_load_whole)
+_load_builtin = once_per_record(_load_whole)
 
 
 def _up_is_known(path: Path, rest: ClipFromRest) -> bool:

@@ -9,7 +9,6 @@ from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import rotate_back
 from uvcloth.motion.anatomy import unit
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.roles import joint_roles
 
 MOST = 0.5
 """Share of the frames that has to be exceeded for a motion to pass a check."""
@@ -34,7 +33,7 @@ def check_posture(clip: Clip, lying: bool = False) -> None:
     where `lying`), bent knees have to bend forwards, and left arm and left leg have to be on one side.
     """
     positions = require_near(clip)
-    roles = joint_roles(clip.skeleton.names)
+    roles = clip.skeleton.roles
     upright = _upright(positions, roles)
     if upright <= MOST and not lying:
         raise InputError(

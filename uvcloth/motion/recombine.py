@@ -17,7 +17,6 @@ from uvcloth.errors import InputError
 from uvcloth.geometry.skeleton import Skeleton, local_rotations, world_rotations
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.poses import SPLITS, PoseDatabase
-from uvcloth.motion.roles import joint_roles
 
 DONOR_PARTS: tuple[tuple[str, ...], ...] = (
     (),
@@ -81,7 +80,7 @@ def legs_and_trunk(legs: Clip, trunk: Clip) -> Clip:
 
 def joint_parts(skeleton: Skeleton) -> Tensor:
     """Index into DONOR_PARTS of each joint: (J,) int64."""
-    roles = joint_roles(skeleton.names)
+    roles = skeleton.roles
     tops = {
         next((roles[role] for role in part if role in roles), None): index
         for index, part in enumerate(DONOR_PARTS)

@@ -17,7 +17,6 @@ from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.motion.anatomy import JointFrames, joint_frames, unit
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.roles import joint_roles
 
 Roles = Mapping[str, int]
 
@@ -219,7 +218,7 @@ def _estimate(clip: Clip, positions: Tensor, roles: Roles, body: Body, up: Tenso
     the frame is that of the body, F_j, the joint has the rotation F_j K_j^T.
     """
     posed = joint_frames(positions.double(), roles)
-    on_body = joint_roles(body.skeleton.names)
+    on_body = body.skeleton.roles
     shared = {role: joint for role, joint in on_body.items() if role in roles}
     target = joint_frames(_straight_legs(body, on_body)[None].double(), shared)
     across = (positions[:, roles["left_thigh"]] - positions[:, roles["right_thigh"]]).mean(0).to(up)

@@ -18,7 +18,6 @@ from uvcloth.geometry.rotations import from_axis_angles, from_euler, smallest_ro
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip, require_fps
 from uvcloth.motion.rest import nearest_axis
-from uvcloth.motion.roles import joint_roles
 
 LIMB_BONES = {
     f"{side}_{bone}": f"{side}_{tip}"
@@ -117,7 +116,7 @@ def required_roles(
     skeleton: Skeleton, owner: str, roles: Mapping[str, int] | None = None
 ) -> Mapping[str, int]:
     """Joint of each role, by default as the names say. Raises InputError naming roles that are needed."""
-    roles = joint_roles(skeleton.names) if roles is None else roles
+    roles = skeleton.roles if roles is None else roles
     missing = [role for role in REQUIRED_ROLES if role not in roles]
     if missing:
         wanted = ", ".join(role.replace("_", " ") for role in missing)

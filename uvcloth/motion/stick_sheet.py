@@ -10,7 +10,6 @@ from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import MotionSource
 from uvcloth.motion.retarget import in_body_axes, leg_length, resample
-from uvcloth.motion.roles import joint_roles
 from uvcloth.rendering.render import contact_sheet, draw_line
 
 COLUMNS = 8
@@ -30,7 +29,7 @@ def stick_sheet(source: MotionSource, clip: Clip) -> np.ndarray:
 
     The body's left is blue, its right red; front is where its hips point to. Returns (h, w, 3) uint8.
     """
-    roles = joint_roles(clip.skeleton.names)
+    roles = clip.skeleton.roles
     recorded = in_body_axes(resample(source.rest.clip, clip.fps), source.roles)
     scale = leg_length(clip.skeleton.heads, roles) / leg_length(recorded.skeleton.heads, source.roles)
     frames = torch.linspace(0, len(clip) - 1, min(COLUMNS, len(clip))).round().long()

@@ -9,7 +9,6 @@ from uvcloth.bodies.collider import ARM_PARTS, FOREARM_PARTS, LEG_PARTS
 from uvcloth.garments.places import hems
 from uvcloth.geometry.mesh import boundary_edges, weld
 from uvcloth.geometry.skeleton import Skeleton, joint_positions
-from uvcloth.motion.roles import joint_roles
 
 COLLIDER_BONES = (
     ("left_upper_arm", "left_forearm"),
@@ -49,7 +48,7 @@ def limbs_left_percent(
     """
     if not len(vertices):
         return 0.0
-    joints, roles = joint_positions(skeleton, transforms), joint_roles(skeleton.names)
+    joints, roles = joint_positions(skeleton, transforms), skeleton.roles
     left = _pierced(vertices, faces, joints, roles, touches)
     limbs = [([roles[role] for role in limb], BEYOND[limb[-1].split("_")[-1]]) for limb in LIMBS]
     edges = boundary_edges(weld(rest)[faces])

@@ -7,7 +7,6 @@ from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.geometry.skinning import apply_transforms
-from uvcloth.motion.roles import joint_roles
 
 JOINTS = {
     **{"shoulder": "upper_arm", "elbow": "forearm", "wrist": "hand"},
@@ -26,7 +25,7 @@ def landmarks(body: Body, names: Sequence[str]) -> tuple[Tensor, Tensor]:
     A keypoint of a limb is its joint, the neck of OpenPose is between the shoulders. Nose, eyes, ears, toes
     and heels are points of the skin, found by where they lie at rest.
     """
-    roles, heads = joint_roles(body.skeleton.names), body.skeleton.heads
+    roles, heads = body.skeleton.roles, body.skeleton.heads
     points: dict[str, tuple[int, Tensor]] = {}
     for side in ("left", "right"):
         for part, role in JOINTS.items():

@@ -6,8 +6,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
-from uvcloth.bodies.once import once_per_body
-from uvcloth.motion.roles import joint_roles
+from uvcloth.geometry.once import once_per_record
 from uvcloth.tryon.landmarks import posed_landmarks
 
 LEVELS = 6
@@ -38,10 +37,10 @@ class Overlap:
         return (depth.clamp(min=0.0) / TOLERATED).square().sum(-1) / 2
 
 
-@once_per_body
+@once_per_record
 def overlap_of(body: Body) -> Overlap:
     """Balls and points of a body."""
-    roles, heads = joint_roles(body.skeleton.names), body.skeleton.heads
+    roles, heads = body.skeleton.roles, body.skeleton.heads
     spine = [roles[role] for role in ("hips", "lower_spine", "middle_spine", "upper_spine") if role in roles]
     skin = body.mesh.vertices[body.mesh.faces[body.regions == REGIONS.index("torso")].unique()]
     low, high = heads[roles["hips"], 2], heads[roles["left_upper_arm"], 2]

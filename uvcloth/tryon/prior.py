@@ -6,8 +6,8 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.once import once_per_body
 from uvcloth.geometry.mirror import mirror_transforms
+from uvcloth.geometry.once import once_per_record
 from uvcloth.geometry.rotations import from_quaternions, heading, to_quaternions
 from uvcloth.geometry.skeleton import local_rotations
 from uvcloth.motion.library import builtin_clips, load_clip
@@ -47,7 +47,7 @@ def rotations_of(poses: Tensor) -> Tensor:
     return from_quaternions(torch.cat([halves, torch.ones_like(halves[..., :1])], dim=-1))
 
 
-@once_per_body
+@once_per_record
 def pose_prior(body: Body) -> PosePrior:
     """The distribution of poses of a body in the built-in clips."""
     motions = [load_clip(name, body).rotations[::EVERY] for name in builtin_clips()]

@@ -19,7 +19,7 @@ from uvcloth.commands.body import MakeBody
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write, sole_writer
 from uvcloth.files.image import write_png
-from uvcloth.motion.roles import read_role_map
+from uvcloth.geometry.roles import read_role_map
 from uvcloth.writers.glb import Document
 from uvcloth.writers.gltf_body import add_body
 from uvcloth.writers.gltf_scene import add_skeleton

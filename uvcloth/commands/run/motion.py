@@ -10,13 +10,13 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.motion import DescribeMotion
 from uvcloth.errors import InputError
 from uvcloth.files.image import write_png
+from uvcloth.geometry.roles import ROLES, naming_family
 from uvcloth.geometry.units import UNITS
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.gltf import ANIMATED, animation_names
 from uvcloth.motion.library import MotionSource, clip_roles, load_source, motion_on_body, read_motion
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.retarget import leg_length
-from uvcloth.motion.roles import ROLES, joint_roles, naming_family
 from uvcloth.motion.stick_sheet import stick_sheet
 from uvcloth.player.animation import numbered
 
@@ -75,7 +75,7 @@ def _unit(source: MotionSource, body: Body) -> str:
         float(leg_length(skeleton.heads, roles))
         for skeleton, roles in (
             (source.clip.skeleton, source.roles),
-            (body.skeleton, joint_roles(body.skeleton.names)),
+            (body.skeleton, body.skeleton.roles),
         )
     )
     leg, body_leg = next(legs), next(legs)

@@ -5,7 +5,7 @@ import pytest
 
 from tests.motion.families import FAMILIES
 from uvcloth.errors import InputError
-from uvcloth.motion.roles import assign_roles, joint_roles, naming_family, read_role_map
+from uvcloth.geometry.roles import assign_roles, joint_roles, naming_family, read_role_map
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -4,7 +4,6 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
-from functools import lru_cache
 from pathlib import Path
 
 from uvcloth.errors import InputError
@@ -86,11 +85,6 @@ def joint_roles(names: Iterable[str]) -> dict[str, int]:
 
     Case, separators, prefixes ("mixamorig:", "CC_Base_") and the way of saying left and right do not matter.
     """
-    return dict(_joint_roles(tuple(names)))
-
-
-@lru_cache
-def _joint_roles(names: tuple[str, ...]) -> dict[str, int]:
     words = _plain_words(names)
     whole = {"".join(parts): joint for joint, parts in enumerate(words)}
     roles = _middle_roles(whole)
