@@ -21,6 +21,7 @@ from . import (
 CLASSES = (
     preferences.Preferences,
     environment.MakeEnvironment,
+    environment.CopyCommand,
     opening.OpenBaked,
     wardrobe.PutOn,
     wardrobe.TakeOff,

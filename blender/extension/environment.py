@@ -1,6 +1,10 @@
-"""An environment for the laboratory: venv, and pip from a folder of wheels or the package index."""
+"""An environment for the laboratory: made from a folder of wheels, or by a command that the user runs.
+
+The extension itself downloads nothing, as Blender's platform asks.
+"""
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -67,25 +71,57 @@ class Making:
 
 
 class MakeEnvironment(LaboratoryOperator, bpy.types.Operator):
-    """Make a Python with uvcloth, from the folder of wheels, else from the package index; Esc stops"""
+    """Make a Python with uvcloth from the folder of wheels; Esc stops"""
 
     bl_idname = "uvcloth.make_environment"
     bl_label = "Make One"
 
     def begin(self, context: Any) -> Making:
-        """Start venv, then pip. Raises ValueError without wheels where Blender is offline, and OSError."""
+        """Start venv, then pip. Raises ValueError without a folder of wheels, and OSError."""
         wheels = bpy.path.abspath(context.preferences.addons[__package__].preferences.wheels)
-        if not wheels and not getattr(bpy.app, "online_access", True):
-            raise ValueError("Blender is offline: allow online access there, or name a folder of wheels")
-        if wheels and not Path(wheels).is_dir():
-            raise ValueError(f"{wheels}: is no folder of wheels")
-        folder = Path(bpy.utils.extension_path_user(__package__, path="laboratory", create=True)) / "python"
-        python = folder.joinpath(*SCRIPTS)
-        source = ["--no-index", "--find-links", wheels] if wheels else []
-        pip = [str(python), "-m", "pip", "--no-input", "install", "--progress-bar", "off"]
-        install = [*pip, *source, "uvcloth"]
-        return Making(Maker(folder, [[sys.executable, "-m", "venv", str(folder)], install]), python)
+        if not Path(wheels or os.devnull).is_dir():
+            raise ValueError(f"{wheels or 'nothing'}: is no folder of wheels, which pip takes uvcloth from")
+        folder = environment_folder()
+        commands = commands_in(folder, "--no-input", "--no-index", "--find-links", wheels)
+        return Making(Maker(folder, commands), python_in(folder))
 
     def finish(self, context: Any, errand: Making) -> None:
         """Name it in the preferences."""
         context.preferences.addons[__package__].preferences.python = str(errand.python)
+
+
+class CopyCommand(bpy.types.Operator):
+    """Copy the command that makes a Python with uvcloth from the package index, for a terminal of yours"""
+
+    bl_idname = "uvcloth.copy_command"
+    bl_label = "Copy the Command"
+
+    def execute(self, context: Any) -> set[str]:
+        """Put it on the clipboard, and name the Python that it makes in the preferences."""
+        folder = environment_folder()
+        context.window_manager.clipboard = command_line(commands_in(folder))
+        context.preferences.addons[__package__].preferences.python = str(python_in(folder))
+        self.report({"INFO"}, "copied: run it in a terminal, which downloads uvcloth")
+        return {"FINISHED"}
+
+
+def environment_folder() -> Path:
+    """Folder of the environment that is made."""
+    return Path(bpy.utils.extension_path_user(__package__, path="laboratory", create=True)) / "python"
+
+
+def python_in(folder: Path) -> Path:
+    """The Python of an environment."""
+    return folder.joinpath(*SCRIPTS)
+
+
+def commands_in(folder: Path, *options: str) -> list[list[str]]:
+    """The commands that make an environment with uvcloth. options: of pip's install."""
+    pip = [str(python_in(folder)), "-m", "pip", "install", "--progress-bar", "off", *options, "uvcloth"]
+    return [[sys.executable, "-m", "venv", str(folder)], pip]
+
+
+def command_line(commands: Sequence[Sequence[str]]) -> str:
+    """Commands as one line of a terminal, of cmd.exe on Windows."""
+    join = subprocess.list2cmdline if os.name == "nt" else shlex.join
+    return " && ".join(map(join, commands))

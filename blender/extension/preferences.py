@@ -19,15 +19,18 @@ class Preferences(bpy.types.AddonPreferences):
     wheels: bpy.props.StringProperty(
         name="Folder of wheels",
         subtype="DIR_PATH",
-        description="What a Python with uvcloth is made from; empty for the package index on the internet",
+        description="What Make One takes a Python with uvcloth from; nothing is downloaded",
     )
 
     def draw(self, _context: Any) -> None:
-        """Draw the paths."""
+        """Draw the paths, and what makes a Python."""
+        self.layout.prop(self, "python")
         row = self.layout.row(align=True)
-        row.prop(self, "python")
+        row.prop(self, "wheels")
         row.operator("uvcloth.make_environment", icon="ADD")
-        self.layout.prop(self, "wheels")
+        row = self.layout.row()
+        row.label(text="Or, in a terminal, from the package index:")
+        row.operator("uvcloth.copy_command", icon="COPYDOWN")
 
 
 def python_of(context: Any) -> str:

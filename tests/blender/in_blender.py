@@ -77,17 +77,21 @@ said["unregistered"] = not hasattr(bpy.types.Object, "uvcloth") and not hasattr(
 )
 bpy.ops.preferences.addon_enable(module=MODULE)
 
-from bl_ext.user_default.uvcloth import cache, live, surface  # noqa: E402
+from bl_ext.user_default.uvcloth import cache, environment, live, surface  # noqa: E402
 
 # A Python with uvcloth is made from a folder of wheels, or not at all.
 preferences = bpy.context.preferences.addons[MODULE].preferences
 said["environments"] = []
-for preferences.wheels in (str(FOLDER / "nowhere"), str(FOLDER), str(FOLDER / "wheels")):
+for preferences.wheels in ("", str(FOLDER / "nowhere"), str(FOLDER), str(FOLDER / "wheels")):
     try:
         bpy.ops.uvcloth.make_environment()
         said["environments"].append(preferences.python)
     except RuntimeError as error:
         said["environments"].append(str(error).strip())
+preferences.python = ""
+bpy.ops.uvcloth.copy_command()
+said["command"] = environment.command_line(environment.commands_in(environment.environment_folder()))
+said["will_be"] = preferences.python
 
 before = counts()
 said["refused"] = {

@@ -63,6 +63,14 @@ def test_the_index_names_every_zip_by_what_is_in_it(build: ModuleType, repositor
         assert "wheels" not in entry
 
 
+def test_it_asks_for_no_network(repository: Path) -> None:
+    """Nothing is downloaded by the extension itself, as the platform's terms ask."""
+    for path in repository.glob("*.zip"):
+        with zipfile.ZipFile(path) as archive:
+            manifest = tomllib.loads(archive.read("blender_manifest.toml").decode())
+        assert set(manifest["permissions"]) == {"files", "clipboard"}
+
+
 def test_blender_reads_the_index_and_installs_from_it(
     build: ModuleType, repository: Path, blender_python: str, tmp_path: Path
 ) -> None:

@@ -1,5 +1,6 @@
 """A baked character in Blender: live, scrubbed, moved, saved, cached, and refused."""
 
+import shutil
 import struct
 import subprocess
 from pathlib import Path
@@ -30,9 +31,19 @@ def test_it_registers_and_goes_without_a_trace(done: Done) -> None:
 
 
 def test_an_environment_is_made_from_a_folder_of_wheels(done: Done) -> None:
-    no_folder, no_wheel, python = done.said["environments"]
+    none, no_folder, no_wheel, python = done.said["environments"]
+    assert "nothing: is no folder of wheels" in none
     assert "is no folder of wheels" in no_folder
     assert "the environment was not made (No matching distribution found for uvcloth" in no_wheel
+    subprocess.run([python, "-c", "import uvcloth"], check=True)
+
+
+def test_the_command_for_a_terminal_makes_the_python_that_is_named(done: Done) -> None:
+    """Run as it is, but for the folder of wheels in place of the package index."""
+    python = Path(done.said["will_be"])
+    shutil.rmtree(python.parents[1])
+    command = f"{done.said['command']} --no-index --find-links '{done.folder / 'wheels'}'"
+    subprocess.run(command, shell=True, check=True, capture_output=True)
     subprocess.run([python, "-c", "import uvcloth"], check=True)
 
 
