@@ -315,7 +315,7 @@ class WrinklesBenchmark:
         console.print(", ".join(f"{split}: {len(held[split])} runs" for split in self.splits))
         console.print(f"| | | {' | '.join(COLUMNS)} |", soft_wrap=True)
         for folder in self.models:
-            wrinkles = load_wrinkles(folder, body)
+            wrinkles = load_wrinkles(folder)
             (trained,) = wrinkles.config.garments
             if trained == self.garment:
                 make = network(wrinkles, sheet)

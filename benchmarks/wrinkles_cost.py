@@ -54,7 +54,7 @@ def main(run: tyro.conf.Positional[Path], model: Path = SHIPPED / "tops") -> Non
             list(prepared.frames(motion, tracked.fps, keep_going=True))
 
         shown(f"cage of the quality {quality}", moved, len(tracked))
-    wrinkles = load_wrinkles(model, body)
+    wrinkles = load_wrinkles(model)
     posed, coarse = posed_skin(body, tracked.transforms), tracked.coarse[2:]
     dressed = WrinkledOutfit(wrinkles, outfit, [garment.mesh], wrinkles.config.quality)
 

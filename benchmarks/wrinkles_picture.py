@@ -54,7 +54,7 @@ def main(
     mesh = sheet.refined.mesh
     clearing = OutfitClearing.of(body, [mesh])
     places = FineTexels(template, sheet)
-    outfit, loaded = Outfit(body, (template,)), [load_wrinkles(folder, body) for folder in models]
+    outfit, loaded = Outfit(body, (template,)), [load_wrinkles(folder) for folder in models]
     networks = [WrinkledOutfit(each, outfit, [template.mesh], each.config.quality) for each in loaded]
     rows: list[list[np.ndarray]] = [[] for _ in range(len(networks) + 2 + len(cages))]
     for column, path in enumerate(run_files([data], split)):

@@ -8,13 +8,12 @@ import bpy
 
 from . import live, surface
 from .errands import sentence_of
+from .finer import shown
 from .pc2 import Pc2File
 from .selection import character_of
 
 FOLDER = "uvcloth_cache"
 """Folder of caches beside the .blend."""
-
-MODIFIER = "uvcloth cache"
 
 
 class WriteCache(bpy.types.Operator):
@@ -91,16 +90,19 @@ class DropCache(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Remove the modifiers."""
-        for entry in character_of(context).uvcloth.garments:
-            modifier = entry.part and entry.part.modifiers.get(MODIFIER)
-            if modifier:
-                entry.part.modifiers.remove(modifier)
+        for part in _cached_parts(character_of(context)):
+            part.modifiers.remove(part.modifiers[surface.CACHE])
         return {"FINISHED"}
 
 
 def is_cached(armature: Any) -> bool:
     """Tell whether a garment of a character has a cache."""
-    return any(entry.part and MODIFIER in entry.part.modifiers for entry in armature.uvcloth.garments)
+    return bool(_cached_parts(armature))
+
+
+def _cached_parts(armature: Any) -> list[Any]:
+    parts = map(shown, armature.uvcloth.garments)
+    return [part for part in parts if part is not None and surface.CACHE in part.modifiers]
 
 
 def cached(context: Any, armature: Any) -> Generator[float, None, None]:
@@ -141,11 +143,11 @@ def cached(context: Any, armature: Any) -> Generator[float, None, None]:
 
 def _play(garment: Any, path: Path, first: int) -> None:
     """Let a garment play a cache from a frame on, where live cloth had its modifier."""
-    earlier = garment.modifiers.get(MODIFIER)
+    earlier = garment.modifiers.get(surface.CACHE)
     if earlier is not None:
         garment.modifiers.remove(earlier)
     place = surface.place_of_cloth(garment)
-    modifier = garment.modifiers.new(MODIFIER, "MESH_CACHE")
+    modifier = garment.modifiers.new(surface.CACHE, "MESH_CACHE")
     modifier.cache_format, modifier.filepath = "PC2", bpy.path.relpath(str(path))
     modifier.frame_start, modifier.interpolation = first, "LINEAR"
     modifier.forward_axis, modifier.up_axis = "POS_Y", "POS_Z"

@@ -9,9 +9,28 @@ import bpy
 import numpy as np
 from uvcloth_core.baked import BakedFile, BakedGarment
 
-from . import errands, live, opening, surface
-from .errands import Errand, LaboratoryOperator
+from . import errands, finer, live, opening, surface
+from .errands import Errand, LaboratoryOperator, report_to
 from .rig import match_bones
+
+WRINKLES = "wrinkles"
+"""Quality of which garments with a network have wrinkles: that of the cages of `default`."""
+
+QUALITIES = [
+    ("fast", "Fast", ""),
+    ("default", "Default", ""),
+    (
+        WRINKLES,
+        "Default, with Wrinkles",
+        "T-shirts and shirts with the texture coordinates of uvcloth's own get finer copies with small folds",
+    ),
+    ("fine", "Fine", ""),
+]
+
+NO_WRINKLES = (
+    "no garment has wrinkles: they are for T-shirts and shirts in jersey with the texture coordinates of "
+    "uvcloth's templates"
+)
 
 FOLDER = "uvcloth_baked"
 """Folder of baked files beside the .blend."""
@@ -26,7 +45,7 @@ class Dress(LaboratoryOperator, bpy.types.Operator):
 
     quality: bpy.props.EnumProperty(
         name="Quality",
-        items=[(name, name.title(), "") for name in ("fast", "default", "fine")],
+        items=QUALITIES,
         default="default",
     )
 
@@ -34,34 +53,54 @@ class Dress(LaboratoryOperator, bpy.types.Operator):
         """Send the garments to be baked."""
         if not bpy.data.filepath:
             raise ValueError("save the .blend first: baked files are written beside it")
-        return errands.begin(context, "bake", "baked.glb", "--on-character", "--quality", self.quality)
+        options = (
+            ("--quality", "default", "--wrinkles")
+            if self.quality == WRINKLES
+            else ("--quality", self.quality)
+        )
+        return errands.begin(context, "bake", "baked.glb", "--on-character", *options)
 
     def finish(self, context: Any, errand: Errand) -> None:
         """Make the garments live, from what the laboratory wrote; they are not live if this raises."""
         baked, _ = live.open_outfit(errand.result)
         rows = baked_rows(errand, baked.garments)
-        for part, row in zip(errand.garments, rows, strict=True):
-            require_order(part, baked, baked.garments[row])
+        middles = {
+            part: require_order(part, baked, baked.garments[row])
+            for part, row in zip(errand.garments, rows, strict=True)
+        }
         names = opening.bone_names(baked)
         bones = errand.armature.data.bones
         if missing := [name for name in names if name not in bones]:
             raise ValueError(f"bone {missing[0]} of {errand.armature.name} has another name in glTF")
         poses = np.array([bones[name].matrix_local for name in names], np.float64)
         rig = match_bones(names, errand.rest, poses, [next(opening.poses_of_file(baked, 0.0))])
-        path = path_of(errand.armature)
-        write_whole(path, errand.result.read_bytes())
+        path, copies = path_of(errand.armature), dict[Any, Any]()
+        try:
+            for part, ends in middles.items():
+                if ends is not None:
+                    copies[part] = finer.made(part, ends)
+            write_whole(path, errand.result.read_bytes())
+        except (ValueError, OSError):
+            for copy in copies.values():
+                finer.remove(copy)
+            raise
         settings = errand.armature.uvcloth
         settings.live = False
         for entry in settings.garments:
+            finer.drop(context, entry)
             entry.row = rows[errand.garments.index(entry.part)] if entry.part in errand.garments else -1
-        for part in errand.garments:
-            surface.put_source(part.data, np.arange(len(part.data.vertices)))
+            if entry.part in copies:
+                finer.show(entry, copies[entry.part])
+            elif entry.row >= 0:
+                surface.put_source(entry.part.data, np.arange(len(entry.part.data.vertices)))
         opening.keep_bones(errand.armature, rig)
         settings.file = bpy.path.relpath(str(path))
         settings.live = True
         context.scene.render.use_lock_interface = True
         if fault := live.FAULTS.get(errand.armature.session_uid):
             raise ValueError(fault)
+        if self.quality == WRINKLES and not copies:
+            report_to(self, [NO_WRINKLES], warns=True)
 
 
 def path_of(armature: Any) -> Path:
@@ -92,20 +131,25 @@ def baked_rows(errand: Errand, garments: Sequence[BakedGarment]) -> list[int]:
     return [names.index(name) for name in errand.names]
 
 
-def require_order(part: Any, baked: BakedFile, garment: BakedGarment) -> None:
-    """Raise ValueError unless vertices of a mesh are those of a baked garment, in order: its edges are."""
+def require_order(part: Any, baked: BakedFile, garment: BakedGarment) -> finer.Ints | None:
+    """Raise ValueError unless vertices of a mesh are those of a baked garment, in order: its edges are.
+
+    Returns None; of a garment with every edge halved the ends of its middles, see `ends_of_middles`.
+    """
     mesh, file = part.data, baked.file
+    count = len(mesh.vertices)
     reason = f"{part.name} was repaired when it was baked, and its vertices are not the mesh's any more"
-    if garment.size != len(mesh.vertices):
-        raise ValueError(f"{reason}: merge doubled vertices and delete loose ones first")
     node = file.entries("nodes")[garment.node]
     corners = [
         garment.vertices[file.array(primitive["indices"], "SCALAR")[:, 0]].reshape(-1, 3)
         for primitive in file.entries("meshes")[node["mesh"]]["primitives"]
     ]
     sides = np.concatenate([np.roll(faces, turn, 1)[:, :2] for faces in corners for turn in range(3)])
-    edges = np.empty(2 * len(mesh.edges), np.int32)
-    mesh.edges.foreach_get("vertices", edges)
-    known, asked = (np.sort(each.reshape(-1, 2), 1) @ [garment.size, 1] for each in (sides, edges))
+    ends = finer.ends_of_middles(sides, count, garment.size)
+    if ends is None and garment.size != count:
+        raise ValueError(f"{reason}: merge doubled vertices and delete loose ones first")
+    known, asked = sides if ends is None else ends, finer.edges_of(mesh)
+    known, asked = (np.sort(each, axis=1) @ [count, 1] for each in (known, asked))
     if not np.isin(asked, known).all():
         raise ValueError(f"{reason}: delete inverted and empty faces first")
+    return ends

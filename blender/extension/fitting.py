@@ -6,7 +6,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from . import cache, errands, sending, surface
+from . import errands, sending
+from .copies import copy_beside
 from .errands import Errand, LaboratoryOperator, report_to
 from .selection import character_of
 
@@ -174,20 +175,10 @@ def _local(errand: Errand, part: Any, vertices: NDArray[np.floating]) -> NDArray
 
 def _preview(part: Any, vertices: NDArray[np.float64]) -> Any:
     """A new object that shows a garment with other vertices, below the same modifiers."""
-    preview = part.copy()
-    preview.data = part.data.copy()
-    preview.name = preview.data.name = f"{part.name} fit"
-    if preview.data.shape_keys:
-        preview.shape_key_clear()
-    for name in (surface.MODIFIER, cache.MODIFIER):
-        if modifier := preview.modifiers.get(name):
-            preview.modifiers.remove(modifier)
+    preview = copy_beside(part, f"{part.name} fit")
     preview.data.vertices.foreach_set("co", vertices.astype(np.float32).ravel())
     preview.data.update()
     preview.color = PREVIEW_COLOR
-    for collection in part.users_collection:
-        collection.objects.link(preview)
-    preview.select_set(False)
     return preview
 
 

@@ -16,6 +16,7 @@ from uvcloth_core.baked import BakedFile, open_baked
 from uvcloth_core.outfit import Cloth, Outfit
 
 from . import surface
+from .finer import shown
 from .rig import TO_Z_UP, Rig
 from .timeline import Moment, Timeline
 
@@ -63,7 +64,7 @@ def characters() -> Iterator[Any]:
 
 def garments_of(armature: Any) -> dict[int, Any]:
     """Objects of a character's garments by their places in its file. Raises ValueError if one is gone."""
-    baked = {entry.row: entry.part for entry in armature.uvcloth.garments if entry.row >= 0}
+    baked = {entry.row: shown(entry) for entry in armature.uvcloth.garments if entry.row >= 0}
     if not baked or not all(part is not None and part.type == "MESH" for part in baked.values()):
         raise ValueError(f"a garment of {armature.name} is gone: take it off, or open the character again")
     return baked
@@ -183,7 +184,7 @@ def change(armature: Any, context: Any) -> None:
     """Put cloth on a character's garments, or take it off, as its switch says; a fault switches it off."""
     settings = armature.uvcloth
     FAULTS.pop(armature.session_uid, None)
-    parts = [entry.part for entry in settings.garments if entry.part is not None]
+    parts = [shown(entry) for entry in settings.garments if shown(entry) is not None]
     if not settings.live:
         SESSIONS.pop(armature.session_uid, None)
         for garment in parts:

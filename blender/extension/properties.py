@@ -34,7 +34,7 @@ class GarmentEntry(bpy.types.PropertyGroup):
     """A garment of a character, and how it is worn.
 
     row: its place in the baked file, -1 for none. preview: the object that shows where a fit would move it.
-    display: how the garment was shown before there was one.
+    display: how the garment was shown before there was one. finer: the copy that shows it with wrinkles.
     """
 
     part: bpy.props.PointerProperty(type=bpy.types.Object, name="Garment")
@@ -55,6 +55,7 @@ class GarmentEntry(bpy.types.PropertyGroup):
     )
     preview: bpy.props.PointerProperty(type=bpy.types.Object)
     display: bpy.props.StringProperty()
+    finer: bpy.props.PointerProperty(type=bpy.types.Object)
 
 
 class BoneEntry(bpy.types.PropertyGroup):

@@ -11,8 +11,7 @@ def character_of(context: Any) -> Any:
     if active is None:
         return None
     for armature in live.characters():
-        parts = [entry.part for entry in armature.uvcloth.garments]
-        if active in (armature, *parts) or active.parent == armature:
+        if active in (armature, *objects_of(armature)) or active.parent == armature:
             return armature
     return None
 
@@ -39,9 +38,16 @@ def wearer_of(context: Any) -> tuple[Any, list[Any]]:
     return armature, entries
 
 
+def objects_of(armature: Any) -> list[Any]:
+    """The garments of a character, and what shows them: previews, and finer copies."""
+    entries = armature.uvcloth.garments
+    kinds = [each for entry in entries for each in (entry.part, entry.preview, entry.finer)]
+    return [each for each in kinds if each is not None]
+
+
 def put_on(armature: Any, parts: list[Any]) -> None:
     """Put meshes that are no garments of an armature yet, and no skin of it alone, over the others."""
-    worn = [entry.part for entry in armature.uvcloth.garments]
+    worn = objects_of(armature)
     for part in parts:
         if part.type == "MESH" and part not in worn:
             armature.uvcloth.garments.add().part = part

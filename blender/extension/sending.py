@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import surface
 from .rig import TO_Z_UP, even_scale
+from .selection import objects_of
 
 LONGEST_NAME = 60
 """Letters of a garment's name in the laboratory."""
@@ -28,7 +29,7 @@ def send(
     worn. Raises ValueError in a sentence, and OSError.
     """
     garments = [entry.part for entry in entries]
-    skins = skin_meshes(context, armature, garments)
+    skins = skin_meshes(context, armature)
     write_character(context, armature, skins, folder / "character.glb")
     names = plain_names([garment.name for garment in garments])
     words: list[str | Path] = ["--body", folder / "character.glb", "--garment"]
@@ -81,12 +82,13 @@ def write_pins(garment: Any, group: str, path: Path) -> None:
     path.write_text("\n".join(map(str, pinned)), encoding="utf-8")
 
 
-def skin_meshes(context: Any, armature: Any, garments: Sequence[Any]) -> list[Any]:
-    """Visible meshes that an armature deforms, without the garments. Raises ValueError if there are none."""
+def skin_meshes(context: Any, armature: Any) -> list[Any]:
+    """Visible meshes that an armature deforms, without its garments. Raises ValueError if there are none."""
+    worn = objects_of(armature)
     parts = [
         part
         for part in context.view_layer.objects
-        if part.type == "MESH" and part not in garments and part.visible_get() and _is_skinned(part, armature)
+        if part.type == "MESH" and part not in worn and part.visible_get() and _is_skinned(part, armature)
     ]
     if not parts:
         raise ValueError(f"{armature.name} has no visible skin: a mesh with an Armature modifier for it")
@@ -134,14 +136,33 @@ def write_garment(garment: Any, armature: Any, path: Path) -> None:
     mesh, whole = garment.data, to_file(garment, armature)
     points = vertices_of(mesh) @ whole[:3, :3].T + whole[:3, 3]
     lines = ["v {:.7f} {:.7f} {:.7f}".format(*point) for point in points]
-    layer = mesh.uv_layers.active
-    if layer is not None:
-        lines += ["vt {:.6f} {:.6f}".format(*corner.uv) for corner in layer.data]
+    places = _texture_places(mesh)
+    if places is not None:
+        coordinates, place_of = places
+        lines += ["vt {:.6f} {:.6f}".format(*place) for place in coordinates]
     for face in mesh.polygons:
         corners = zip(face.vertices, face.loop_indices, strict=True)
-        words = (f"{vertex + 1}/{loop + 1}" if layer else f"{vertex + 1}" for vertex, loop in corners)
+        words = (
+            f"{vertex + 1}/{place_of[loop] + 1}" if places else f"{vertex + 1}" for vertex, loop in corners
+        )
         lines.append("f " + " ".join(words))
     path.write_text("\n".join([f"o {path.stem}", *lines, ""]), encoding="utf-8")
+
+
+def _texture_places(mesh: Any) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
+    """Texture coordinates (T, 2) of the active layer, and which of them each corner has; None without one.
+
+    Corners of a vertex with the same coordinates share them, so that faces hang together on the sheet.
+    """
+    layer = mesh.uv_layers.active
+    if layer is None:
+        return None
+    uvs, vertices = np.empty(2 * len(mesh.loops), np.float32), np.empty(len(mesh.loops), np.int32)
+    layer.data.foreach_get("uv", uvs)
+    mesh.loops.foreach_get("vertex_index", vertices)
+    rows = np.column_stack([vertices, uvs.reshape(-1, 2).round(6)])
+    places, place_of = np.unique(rows, axis=0, return_inverse=True)
+    return places[:, 1:].astype(np.float64), place_of.ravel().astype(np.int64)
 
 
 def to_file(garment: Any, armature: Any) -> NDArray[np.float64]:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 PLACES, SOURCE = "uvcloth_places", "uvcloth_vertex"
 """Attributes of a mesh: where the cloth is, and the runtime's vertex of each vertex."""
 
-MODIFIER, GROUP = "uvcloth", "uvcloth"
-"""Names of the modifier and of its nodes."""
+MODIFIER, GROUP, CACHE = "uvcloth", "uvcloth", "uvcloth cache"
+"""Names of the modifier, of its nodes, and of the modifier that plays a cache."""
 
 GENERATING = {
     *("ARRAY", "BEVEL", "BOOLEAN", "BUILD", "DECIMATE", "EDGE_SPLIT", "MASK", "MIRROR", "MULTIRES", "NODES"),

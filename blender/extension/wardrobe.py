@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from . import selection, surface
+from . import finer, selection, surface
 from .selection import character_of
 
 
@@ -41,9 +41,10 @@ class TakeOff(bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         """Remove the active garment; others that are live stay so."""
         armature = character_of(context)
-        settings, part = armature.uvcloth, active_entry(armature).part
-        if part is not None:
-            surface.take_off(part)
+        settings, entry = armature.uvcloth, active_entry(armature)
+        finer.drop(context, entry)
+        if entry.part is not None:
+            surface.take_off(entry.part)
         settings.garments.remove(settings.active)
         settings.active = max(settings.active - 1, 0)
         if not any(entry.row >= 0 for entry in settings.garments):

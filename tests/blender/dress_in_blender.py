@@ -65,14 +65,14 @@ def scene_now() -> list[object]:
     ]
 
 
-def driven(command, events, killed=False) -> list[object]:
+def driven(command, events, killed=False, quality="fast") -> list[object]:
     """Run the modal code of an operator by made-up events; returns what it answers and reports."""
     from bl_ext.user_default.uvcloth.errands import LaboratoryOperator
 
     reports: list[str] = []
     ended: list[str] = []
     operator = type("Driven", (LaboratoryOperator,), {"begin": command.begin, "finish": command.finish})()
-    operator.quality = "fast"
+    operator.quality = quality
     operator.report = lambda kind, text: reports.append(f"{min(kind)}: {text}")
     manager = SimpleNamespace(
         event_timer_add=lambda seconds, window: "timer",
@@ -236,6 +236,30 @@ said["taken_off"] = [
     [modifier.type for modifier in skirt.modifiers],
     live.FAULTS.get(armature.session_uid, ""),
     settings.live,
+]
+
+# With wrinkles, a T-shirt of a template is shown by a finer copy, below the same modifiers.
+tops.data.materials.append(bpy.data.materials.new("red"))
+tops.modifiers.new("round", "SUBSURF").levels = 0
+objects = sorted(part.name for part in bpy.data.objects)
+select(armature)
+said["wrinkled"] = driven(dressing.Dress, [], quality="wrinkles")
+(entry,) = settings.garments
+copy = entry.finer
+scene.frame_set(6)
+said["finer"] = [
+    *(len(part.data.vertices) for part in (tops, copy)),
+    [modifier.type for modifier in copy.modifiers],
+    [copy.data.materials[0].name, len(copy.data.uv_layers)],
+    [tops.hide_get(), tops.hide_render, armature.uvcloth.live, live.FAULTS.get(armature.session_uid, "")],
+    [part.name for part in sending.skin_meshes(bpy.context, armature)],
+]
+arrays["finer"] = distances(copy, body)
+bpy.ops.uvcloth.take_off()
+said["dropped"] = [
+    tops.hide_get(),
+    tops.hide_render,
+    sorted(part.name for part in bpy.data.objects) == objects,
 ]
 
 process = laboratory._Kept.laboratory._process

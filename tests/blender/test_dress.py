@@ -102,6 +102,19 @@ def test_a_garment_that_is_taken_off_leaves_the_others_live(dressed: Done) -> No
     assert dressed.said["taken_off"] == [["SUBSURF"], "", True]
 
 
+def test_wrinkles_are_on_a_finer_copy_that_goes_with_the_garment(dressed: Done) -> None:
+    assert dressed.said["wrinkled"] == ["RUNNING_MODAL", "FINISHED", [], ["timer", None]]
+    own, finer, modifiers, looks, states, skins = dressed.said["finer"]
+    assert finer > 3.9 * own
+    assert modifiers == ["NODES", "SUBSURF"]
+    assert looks == ["red", 1]
+    assert states == [True, True, True, ""]
+    assert skins == ["body"]
+    assert np.quantile(dressed.arrays["finer"], 0.2) < NEAR
+    assert dressed.arrays["finer"].max() < FAR
+    assert dressed.said["dropped"] == [False, False, True]
+
+
 def test_the_laboratory_ends_with_the_extension(dressed: Done) -> None:
     assert not dressed.said["child_left"]
 

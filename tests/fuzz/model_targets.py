@@ -128,5 +128,5 @@ TARGETS = [
     Target("motion_guided", saved(motion_guided), load, check_method),
     Target("pbns", saved(pbns), load, check_method),
     Target("deepsd", saved(deepsd), load, check_method),
-    Target("wrinkles", saved(wrinkles), lambda path: load_wrinkles(path, small_body()), check_method),
+    Target("wrinkles", saved(wrinkles), load_wrinkles, check_method),
 ]

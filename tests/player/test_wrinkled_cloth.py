@@ -70,7 +70,7 @@ def test_what_is_played_is_what_a_rollout_shows(
     """Within the rounding of the network, 0.1 mm; folds have millimetres."""
     shirt = fit_template("tops", body)
     outfit = WornOutfit(body, (shirt,))
-    shown = WrinkledOutfit(load_wrinkles(shipped_for(outfit), body), outfit, [shirt.mesh], "default")
+    shown = WrinkledOutfit(load_wrinkles(shipped_for(outfit)), outfit, [shirt.mesh], "default")
     posed = posed_skin(body, torch.from_numpy(joints)).float()
     frames = zip(played(Outfit(baked.content), joints), played(plain, joints), posed, strict=True)
     for index, (wrinkled, smooth, skin) in enumerate(frames):

@@ -42,4 +42,4 @@ def strip(curvature: float = 0.0) -> Mesh:
 def garment(mesh: Mesh, name: str = "tops") -> Garment:
     """A garment of a mesh, on one joint."""
     weights = torch.ones(len(mesh.vertices), 1)
-    return Garment(name, name, mesh, weights, weights)
+    return Garment(name, name, mesh, weights, weights, source="template")

@@ -38,7 +38,7 @@ def test_sizes_that_do_not_halve_are_refused() -> None:
 def test_a_checkpoint_gives_the_same_wrinkles(wrinkles: Wrinkles, tmp_path: Path) -> None:
     body = small_body()
     save_checkpoint(wrinkles_checkpoint(wrinkles, body, TrainingData(), {}), tmp_path / "run")
-    again = load_wrinkles(tmp_path / "run", body)
+    again = load_wrinkles(tmp_path / "run")
     assert again.config == CONFIG
     maps = torch.randn(1, CHANNELS, 32, 32)
     torch.testing.assert_close(again.net(maps), wrinkles.net(maps), atol=2e-4, rtol=1e-2)  # Half precision.
@@ -51,7 +51,7 @@ def test_a_model_of_another_method_is_refused(wrinkles: Wrinkles, tmp_path: Path
     )
     assert load_checkpoint(tmp_path / "run").method == "pbns"
     with pytest.raises(InputError, match="a model of method 'pbns', expected wrinkles"):
-        load_wrinkles(tmp_path / "run", body)
+        load_wrinkles(tmp_path / "run")
 
 
 def test_what_a_network_was_not_trained_for_is_named() -> None:

@@ -1,5 +1,6 @@
 """The networks in the package."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -23,7 +24,7 @@ def test_it_is_small_and_no_person_is_in_two_splits(folder: Path, body: Body) ->
     clips = load_checkpoint(folder).data.clips
     assert len(clips["train"]) > 20
     assert not {*clips["train"].values()} & {*clips["validation"].values()}
-    assert load_wrinkles(folder, body).config.garments == (folder.name,)
+    assert load_wrinkles(folder).config.garments == (folder.name,)
 
 
 def test_the_outermost_garment_chooses_the_network(body: Body, shirt: Garment) -> None:
@@ -31,6 +32,16 @@ def test_the_outermost_garment_chooses_the_network(body: Body, shirt: Garment) -
     assert shipped_for(Outfit(body, (shirt, long, trousers))).name == "shirt"
     assert shipped_for(Outfit(body, (long, shirt))).name == "tops"
     assert shipped_for(Outfit(body, (trousers,))).name == "tops"
+
+
+def test_a_file_is_served_on_the_texture_coordinates_of_the_template_alone(shirt: Garment) -> None:
+    """Whatever the order of its faces; the networks know where on the sheet a fold is."""
+    wrinkles = load_wrinkles(SHIPPED / "tops")
+    turned = replace(shirt.mesh, faces=shirt.mesh.faces.flip(0), face_uvs=shirt.mesh.face_uvs.flip(0))
+    assert wrinkles.unsupported_reason(replace(shirt, source="file", mesh=turned), "default") == ""
+    mirrored = replace(shirt.mesh, uvs=1.0 - shirt.mesh.uvs)
+    reason = wrinkles.unsupported_reason(replace(shirt, source="file", mesh=mirrored), "default")
+    assert "texture coordinates of the template tops, which it does not have" in reason
 
 
 def squeezed(vertices: Tensor, share: float) -> Tensor:
@@ -52,7 +63,7 @@ def shirt(body: Body) -> Garment:
 
 def test_a_raised_hem_folds(body: Body, shirt: Garment) -> None:
     """The T-shirt is squeezed by a fifth along its height below the arms: folds appear, of millimetres."""
-    wrinkles = load_wrinkles(SHIPPED / "tops", body)
+    wrinkles = load_wrinkles(SHIPPED / "tops")
     assert wrinkles.unsupported_reason(shirt, "default") == ""
     wrinkled = WrinkledOutfit(wrinkles, Outfit(body, (shirt,)), [shirt.mesh], "default")
     refined = Refined.of(shirt.mesh)
@@ -71,7 +82,7 @@ def test_a_raised_hem_folds(body: Body, shirt: Garment) -> None:
 
 def test_the_runtime_shows_what_the_network_makes_in_pytorch(body: Body, shirt: Garment) -> None:
     """Within 0.02 mm but for one vertex of a thousand, where the sides of skin that folds differ."""
-    wrinkles = load_wrinkles(SHIPPED / "tops", body)
+    wrinkles = load_wrinkles(SHIPPED / "tops")
     reference = WrinkledInTorch(wrinkles, shirt)
     runtime = WrinkledOutfit(wrinkles, Outfit(body, (shirt,)), [shirt.mesh], "default")
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)

@@ -6,10 +6,15 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.spatial import KDTree
+
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import Checkpoint, TrainingData, body_record, load_checkpoint, restored
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.templates import load_template
+from uvcloth.geometry.mesh import Mesh
 from uvcloth.physics.fabric import JERSEY
 from uvcloth.wrinkles.network import WrinkleConfig, WrinkleNet
 
@@ -21,6 +26,9 @@ TRAINED_BODY = "default"
 
 BY_DEFAULT = ("tops",)
 """Templates whose pictures have wrinkles without being asked for: better in validation than plain ones."""
+
+SAME_PLACE = 1e-4
+"""Distance of texture coordinates, in parts of the sheet, below which they are the same."""
 
 SHIPPED = Path(str(files("uvcloth"))) / "data" / "wrinkles"
 """Folder of the trained networks in the package, a folder for each template."""
@@ -59,7 +67,22 @@ class Wrinkles:
                 f"garment {garment.name}: wrinkles are trained for {', '.join(self.config.garments)}, "
                 f"not {kind}"
             )
+        if garment.source == "file" and not has_coordinates_of(garment.mesh, garment.template):
+            return (
+                f"garment {garment.name}: wrinkles lie on the texture coordinates of the template "
+                f"{garment.template}, which it does not have"
+            )
         return ""
+
+
+def has_coordinates_of(mesh: Mesh, template: str) -> bool:
+    """Tell whether the faces of a mesh lie on a template's texture coordinates, in any order."""
+    cut = load_template(template)
+    if len(mesh.faces) != len(cut.faces) or not len(mesh.uvs):
+        return False
+    ours, theirs = mesh.uvs[mesh.face_uvs].mean(1), cut.uvs[cut.face_uvs].mean(1)
+    distance, nearest = KDTree(theirs.numpy()).query(ours.numpy())
+    return bool(distance.max() < SAME_PLACE) and len(np.unique(nearest)) == len(theirs)
 
 
 def wrinkles_checkpoint(
@@ -77,9 +100,9 @@ def wrinkles_checkpoint(
     )
 
 
-def load_wrinkles(folder: Path, body: Body) -> Wrinkles:
-    """Read trained wrinkles. Raises InputError as `load_checkpoint`, and for a model of another method."""
-    checkpoint = load_checkpoint(folder, body)
+def load_wrinkles(folder: Path) -> Wrinkles:
+    """Read trained wrinkles, for any body. Raises InputError as `load_checkpoint`, and for another method."""
+    checkpoint = load_checkpoint(folder)
     if checkpoint.method != METHOD:
         raise InputError(f"{folder}: a model of method {checkpoint.method!r:.60}, expected {METHOD}")
     wrinkles: Wrinkles = restored(

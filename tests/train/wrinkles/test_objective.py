@@ -75,7 +75,7 @@ def test_training_finds_the_folds_and_the_checkpoint_makes_them(data: Path, tmp_
     scores = fit(objective, tmp_path / "run", loop, resume=False)
     assert scores["unexplained"] < 0.5
     assert 0.5 < scores["strength"] < 1.5
-    again = load_wrinkles(tmp_path / "run", small_body())
+    again = load_wrinkles(tmp_path / "run")
     assert objective.validate(again.net)["unexplained"] == pytest.approx(scores["unexplained"], abs=0.01)
 
 

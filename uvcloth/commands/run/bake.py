@@ -96,7 +96,7 @@ def _wrinkled(command: Bake, outfit: Outfit, report: Callable[[str], None]) -> W
     """The garments with wrinkles, None for none; says which they are."""
     if not command.wrinkles:
         return None
-    wrinkles = load_wrinkles(command.wrinkles_from or shipped_for(outfit), outfit.body)
+    wrinkles = load_wrinkles(command.wrinkles_from or shipped_for(outfit))
     wrinkled = WrinkledSheets.of(wrinkles, outfit, command.quality)
     for line in wrinkled.lines:
         report(line)

@@ -70,7 +70,7 @@ def visible_outfit(command: Rollout, method: Method, proxied: ProxiedOutfit) -> 
     usual = proxied.outfit.body.name == TRAINED_BODY and folder.name in BY_DEFAULT
     if not (command.wrinkles or (usual and _only_pictures(command))):
         return VisibleOutfit(proxied)
-    wrinkles = load_wrinkles(folder, proxied.outfit.body)
+    wrinkles = load_wrinkles(folder)
     wrinkled = WrinkledOutfit(wrinkles, proxied.outfit, proxied.meshes, command.quality)
     return VisibleOutfit(proxied, wrinkled if command.wrinkles or wrinkled.serves else None)
 
