@@ -33,7 +33,7 @@ constexpr float SETTLING_SECONDS = 1.0f / 30.0f;
 constexpr double FARTHEST = 1e7;
 
 // Rotation and shift of a joint from rest, relative to an origin, for skinning.
-void write_transform(const Rigid &joint, Vec64 origin, float *row) {
+void write_transform(const RigidTransform &joint, Vec64 origin, float *row) {
     const double shift[3] = {joint.shift.x - origin.x, joint.shift.y - origin.y, joint.shift.z - origin.z};
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) row[4 * i + j] = (float)joint.turn.at[i][j];
@@ -42,12 +42,12 @@ void write_transform(const Rigid &joint, Vec64 origin, float *row) {
 }
 
 // The body at rest with the offsets of its shapes, which turns of joints have.
-Array<float> shaped(const Outfit &outfit, const Rigid *joints, Arena &work) {
+Array<float> shaped(const Outfit &outfit, const RigidTransform *joints, Arena &work) {
     if (!outfit.shapes.size) return outfit.body.rest;
     Array<float> rest = work.copy(outfit.body.rest);
     const float *shape = outfit.shapes.data;
     for (int joint = 1; joint < outfit.skeleton.parents.size; joint++) {
-        Turn turn = local_turn(outfit.skeleton, joints, joint);
+        Rotation turn = local_turn(outfit.skeleton, joints, joint);
         for (int k = 0; k < 9; k++, shape += rest.size) {
             float amount = (float)(turn.at[k / 3][k % 3] - (k % 4 == 0 ? 1 : 0));
             for (int j = 0; j < rest.size; j++) rest.at(j) += amount * shape[j];
@@ -57,7 +57,7 @@ Array<float> shaped(const Outfit &outfit, const Rigid *joints, Arena &work) {
 }
 
 // Poses body, cages and points around the root, and opens the collider.
-void pose_all(Character &character, const Rigid *joints, Posed &posed) {
+void pose_all(Character &character, const RigidTransform *joints, Posed &posed) {
     const Outfit &outfit = character.outfit;
     const Skeleton &skeleton = outfit.skeleton;
     Arena &work = character.scratch;
@@ -99,7 +99,7 @@ Array<Vec> around(Array<Vec> points, Vec64 origin, Arena &arena) {
 }
 
 // Where the cloth may be at the end of a frame, until it is known that it stays together.
-struct Next {
+struct NextState {
     Vec64 origin, drift;
     Array<Vec> positions, velocities, targets, body;
     ContactCache searched;
@@ -124,7 +124,7 @@ Array<Vec> find_targets(const Character &character, Arena &work) {
 
 // Solves a frame up to the pose, with as many substeps as it takes. Pairs of cloth near cloth are renewed at
 // once, all else is in `next`.
-bool solve(Character &character, float seconds, Arena &arena, Next &next, Failure &failure) {
+bool solve(Character &character, float seconds, Arena &arena, NextState &next, Failure &failure) {
     const Outfit &outfit = character.outfit;
     const SolverSettings &settings = outfit.settings;
     const Posed &posed = character.posed;
@@ -189,7 +189,7 @@ bool solve(Character &character, float seconds, Arena &arena, Next &next, Failur
 
 void copy(Array<Vec> to, Array<Vec> from) { memcpy(to.data, from.data, sizeof(Vec) * (size_t)to.size); }
 
-void accept(Character &character, Next &next) {
+void accept(Character &character, NextState &next) {
     size_t rows = (size_t)(character.outfit.solver.collider.parts * character.positions.size);
     character.origin = next.origin;
     character.drift = next.drift;
@@ -238,9 +238,9 @@ void carry(Character &character, float seconds) {
 
 bool is_near(double number) { return __builtin_fabs(number) <= FARTHEST; }
 
-bool are_places(const Rigid *joints, int count, Failure &failure) {
+bool are_places(const RigidTransform *joints, int count, Failure &failure) {
     for (int joint = 0; joint < count; joint++) {
-        const Rigid &one = joints[joint];
+        const RigidTransform &one = joints[joint];
         bool near = is_near(one.shift.x) && is_near(one.shift.y) && is_near(one.shift.z);
         for (const auto &row : one.turn.at)
             for (double number : row) near = near && is_near(number);
@@ -260,7 +260,7 @@ void change_place(Character &character, const GroundFrame &place) {
 }
 
 // Whether the root goes on as no body does.
-bool jumps(const Character &character, const Rigid &root, float seconds) {
+bool jumps(const Character &character, const RigidTransform &root, float seconds) {
     Vec64 head = character.outfit.skeleton.heads[0];
     Vec64 way = taken(root, head) - taken(character.root, head) - (double)seconds * character.drift;
     double angle = angle_between(character.root, root);
@@ -308,13 +308,13 @@ Character::Character(const Outfit &outfit)
     forget(*this);
 }
 
-bool start(Character &character, const Rigid *joints, Failure &failure) {
+bool start(Character &character, const RigidTransform *joints, Failure &failure) {
     const Skeleton &skeleton = character.outfit.skeleton;
     int count = skeleton.parents.size;
     if (!are_places(joints, count, failure)) return false;
     Arena &work = character.scratch;
     Scope scope(work);
-    Array<Rigid> transforms = work.copy(joints, count), way = work.take<Rigid>(count);
+    Array<RigidTransform> transforms = work.copy(joints, count), way = work.take<RigidTransform>(count);
     GroundFrame before = character.place;
     change_place(character, ground_frame(joints[0], skeleton.heads[0]));
     bring_in(character.place, transforms.data, count);
@@ -343,7 +343,7 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
             memset(character.velocities.data, 0, sizeof(Vec) * (size_t)character.velocities.size);
             continue;
         }
-        Next next;
+        NextState next;
         if (!solve(character, SETTLING_SECONDS, work, next, failure)) {
             change_place(character, before);  // What is shown stays where it is.
             return false;
@@ -365,7 +365,7 @@ bool start(Character &character, const Rigid *joints, Failure &failure) {
     return true;
 }
 
-bool step(Character &character, const Rigid *joints, float seconds, Failure &failure) {
+bool step(Character &character, const RigidTransform *joints, float seconds, Failure &failure) {
     int count = character.outfit.skeleton.parents.size;
     if (!are_places(joints, count, failure)) return false;
     if (!character.is_started) {
@@ -378,7 +378,7 @@ bool step(Character &character, const Rigid *joints, float seconds, Failure &fai
     }
     Arena &work = character.scratch;
     Scope scope(work);
-    Array<Rigid> transforms = work.copy(joints, count);
+    Array<RigidTransform> transforms = work.copy(joints, count);
     bring_in(character.place, transforms.data, count);
     GroundFrame place = character.place;
     Array<Vec64> guide = work.copy(character.guide);
@@ -391,7 +391,7 @@ bool step(Character &character, const Rigid *joints, float seconds, Failure &fai
         bring_in(character.place, transforms.data, count);
     }
     pose_all(character, transforms.data, character.posed);
-    Next next;
+    NextState next;
     if (!solve(character, seconds, work, next, failure)) {
         character.place = place;
         memcpy(character.guide.data, guide.data, sizeof(Vec64) * (size_t)guide.size);

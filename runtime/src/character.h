@@ -34,7 +34,7 @@ struct Character {
     const Outfit &outfit;
     bool is_started;
     GroundFrame place;
-    Rigid root;
+    RigidTransform root;
     double spin;
     int steps, solved;
     float rate;
@@ -73,12 +73,12 @@ void renew_material(Character &character);
 // Lets cloth come to rest on the body in its pose of joints' transforms (J) from rest, to which it goes from
 // its rest pose; or from what pulls it, if that is stronger than 0. Shows the garments. Returns false, with a
 // sentence, for joints that are not finite, or cloth that cannot rest.
-bool start(Character &character, const Rigid *joints, Failure &failure);
+bool start(Character &character, const RigidTransform *joints, Failure &failure);
 
 // Moves cloth to the next frame of so many seconds, and clears the garments that follow it. Where the root
 // jumps, the cloth is carried along. Returns false, with a sentence, and leaves the cloth as it was, for joints
 // that are not finite, a body that is too fast, or cloth that flies apart.
-bool step(Character &character, const Rigid *joints, float seconds, Failure &failure);
+bool step(Character &character, const RigidTransform *joints, float seconds, Failure &failure);
 
 // Bytes of all that a character's cloth remembers now.
 size_t saved_size(const Character &character);

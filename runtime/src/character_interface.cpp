@@ -16,8 +16,8 @@ namespace uvc {
 namespace {
 
 // Joints (J, 3, 4) as turns and shifts.
-Array<Rigid> rigid(const double *joints, int count, Arena &arena) {
-    Array<Rigid> transforms = arena.take<Rigid>(count);
+Array<RigidTransform> rigid(const double *joints, int count, Arena &arena) {
+    Array<RigidTransform> transforms = arena.take<RigidTransform>(count);
     for (int k = 0; k < count; k++) {
         const double *row = joints + 12 * k;
         for (int i = 0; i < 3; i++)
@@ -72,10 +72,10 @@ int uvc_step(uvc_cloth *cloth, const double *joints, double seconds, char *messa
 
 int uvc_cages(const uvc_outfit *outfit) { return outfit->data.cages.vertices(); }
 
-int uvc_cage_faces(const uvc_outfit *outfit) { return outfit->data.solver.sheet.surface.faces.size; }
+int uvc_cage_faces(const uvc_outfit *outfit) { return outfit->data.solver.mesh.surface.faces.size; }
 
 void uvc_cage_corners(const uvc_outfit *outfit, int32_t *corners) {
-    uvc::Array<uvc::Face> faces = outfit->data.solver.sheet.surface.faces;
+    uvc::Array<uvc::Face> faces = outfit->data.solver.mesh.surface.faces;
     memcpy(corners, faces.data, sizeof(uvc::Face) * (size_t)faces.size);
 }
 

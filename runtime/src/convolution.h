@@ -7,7 +7,7 @@
 namespace uvc {
 
 // Square maps of channels, a multiple of LANES, with a border of one pixel of zeros.
-struct Maps {
+struct FeatureMaps {
     float *numbers;
     int size, channels;
 
@@ -19,7 +19,7 @@ struct Maps {
 UVC_INLINE int padded(int channels) { return (channels + LANES - 1) / LANES * LANES; }
 
 // Maps of zeros.
-UVC_INLINE Maps take_maps(int size, int channels, Arena &arena) {
+UVC_INLINE FeatureMaps take_maps(int size, int channels, Arena &arena) {
     return {arena.take<float>((size + 2) * (size + 2) * channels).data, size, channels};
 }
 
@@ -63,8 +63,8 @@ UVC_INLINE Lanes lanes_of(const Register *registers) {
 
 // Convolves some pixels in a row, from (y, x) on, of a block of so many registers of channels.
 template <int BLOCK, int COUNT, class Finish>
-UVC_INLINE void convolve_pixels(const Kernel &kernel, const Maps &from, const float *weights, int y, int x,
-                                int channel, Finish finish) {
+UVC_INLINE void convolve_pixels(const Kernel &kernel, const FeatureMaps &from, const float *weights, int y,
+                                int x, int channel, Finish finish) {
     Register sums[COUNT][BLOCK];
     for (int pixel = 0; pixel < COUNT; pixel++)
         for (int k = 0; k < BLOCK; k++)
@@ -86,7 +86,8 @@ UVC_INLINE void convolve_pixels(const Kernel &kernel, const Maps &from, const fl
 }
 
 template <int BLOCK, class Finish>
-void convolve_block(const Kernel &kernel, const Maps &from, const float *weights, int channel, Finish finish) {
+void convolve_block(const Kernel &kernel, const FeatureMaps &from, const float *weights, int channel,
+                    Finish finish) {
     int size = from.size / kernel.stride;
     constexpr int REGISTERS = BLOCK * LANES / WIDTH;
     for (int y = 0; y < size; y++) {
@@ -99,7 +100,8 @@ void convolve_block(const Kernel &kernel, const Maps &from, const float *weights
 
 // Convolves maps, and gives the sums of eight channels of each pixel to finish(y, x, channel, sums), which
 // stores them.
-template <class Finish> void convolve(const Kernel &kernel, const Maps &from, Finish finish) {
+template <class Finish>
+void convolve(const Kernel &kernel, const FeatureMaps &from, Finish finish) {
     const float *weights = kernel.weights.data;
     int count = kernel.size * kernel.size * kernel.in;
     for (int channel = 0; channel < kernel.out;) {

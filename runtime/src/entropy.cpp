@@ -152,7 +152,7 @@ struct Decoder {
 };
 
 // Size classes of the numbers around a place.
-struct Classes {
+struct CodingContext {
     int near, all_around, in_time, in_space, longer, slow, before, others, touching, wave, frequency;
 };
 
@@ -179,7 +179,7 @@ struct Numbers {
         return row[last < waves ? last : waves] - row[first > 0 ? first : 0];
     }
 
-    Classes look(int64_t time, int64_t wave, int64_t column) const {
+    CodingContext look(int64_t time, int64_t wave, int64_t column) const {
         int64_t group = column / AXES, axis = column % AXES;
         int64_t slower = time - stride, much_slower = time - 2 * stride;
         int64_t earlier = time % stride ? time - 1 : much_slower;
@@ -254,7 +254,7 @@ template <class Interval> struct Coder {
     }
 
     // Codes whether a number has more digits than `level`.
-    int decide_level(int bit, const Classes &c, int level, int axis) {
+    int decide_level(int bit, const CodingContext &c, int level, int axis) {
         int rank = least(level, MOST_LEVEL) * BUCKETS;
         const int contexts[MODELS] = {
             ((rank + c.in_time) * BUCKETS + c.in_space) * 8 + c.others,
@@ -271,7 +271,7 @@ template <class Interval> struct Coder {
     }
 
     // Codes a number around which there are such sizes. To decode, whatever number is given.
-    int64_t code(int64_t value, const Classes &classes, int axis) {
+    int64_t code(int64_t value, const CodingContext &classes, int axis) {
         int64_t size = size_of(value);
         int digits = digits_of(size), level = 0;
         while (level < MOST_DIGITS && decide_level(digits > level, classes, level, axis)) level++;
@@ -331,7 +331,7 @@ template <class Step> void walk(Numbers &numbers, Step step) {
     for (int64_t time = 0; time < numbers.times; time++)
         for (int64_t wave = 0; wave < numbers.waves; wave++)
             for (int64_t column = 0; column < numbers.columns; column++) {
-                Classes classes = numbers.look(time, wave, column);
+                CodingContext classes = numbers.look(time, wave, column);
                 int64_t number = step(place++, classes, (int)(column % AXES));
                 numbers.add(time, wave, column, size_of(number));
             }
@@ -347,7 +347,7 @@ int64_t uvc_encode_numbers(const int64_t *values, int64_t times, int64_t waves, 
     if (!workspace.sums || !workspace.states) return NO_MEMORY;
     numbers.sums = workspace.sums;
     Coder<Encoder> coder(Encoder{code, room}, workspace.states);
-    walk(numbers, [&](int64_t place, const Classes &classes, int axis) {
+    walk(numbers, [&](int64_t place, const CodingContext &classes, int axis) {
         return coder.code(values[place], classes, axis);
     });
     // One more byte gives a number in the interval, whatever follows.
@@ -363,7 +363,7 @@ int64_t uvc_decode_numbers(const uint8_t *code, int64_t size, int64_t *values, i
     if (!workspace.sums || !workspace.states) return NO_MEMORY;
     numbers.sums = workspace.sums;
     Coder<Decoder> coder(Decoder(code, size), workspace.states);
-    walk(numbers, [&](int64_t place, const Classes &classes, int axis) {
+    walk(numbers, [&](int64_t place, const CodingContext &classes, int axis) {
         values[place] = coder.code(0, classes, axis);
         return values[place];
     });

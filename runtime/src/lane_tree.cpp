@@ -31,12 +31,14 @@ UVC_INLINE Lanes outside(const Block &block, LaneVec point) {
 // The best face so far, and the square of its distance; `limit` is that of a box in which none is better,
 // with more than rounding to spare, so that the order in which boxes are visited changes nothing. beyond: the
 // least square of a distance from what was looked at, or left out, in each lane.
-struct Best {
+struct NearestFace {
     int face;
     float squared, limit;
     Lanes beyond;
 
-    explicit Best(float reach) : face(-1), squared(reach * reach), beyond(Lanes{} + FAR) { limit = spared(); }
+    explicit NearestFace(float reach) : face(-1), squared(reach * reach), beyond(Lanes{} + FAR) {
+        limit = spared();
+    }
 
     float spared() const { return 1.001f * squared + 1e-9f; }
 
@@ -199,7 +201,7 @@ void fit_patches(const LaneTree &tree, FittedTree &fitted) {
 }
 
 int closest_face(const LaneTree &tree, FittedTree &fitted, Vec point, float reach, float &beyond) {
-    Best best(reach);
+    NearestFace best(reach);
     beyond = FAR;
     if (!tree.faces.size) return -1;
     LaneVec from = repeat(point);

@@ -16,9 +16,9 @@ struct Votes {
 };
 
 // Whether a vertex is above or below the face, not beside it, where its side says nothing.
-bool is_across(const PointPair &pair, const Sheet &sheet, const Vec *positions) {
-    Face face = sheet.surface.faces.at(pair.two.second);
-    Vec weights = closest_barycentrics(positions[pair.two.first], positions[face.a], positions[face.b],
+bool is_across(const PointPair &pair, const ContactMesh &mesh, const Vec *positions) {
+    Face face = mesh.surface.faces.at(pair.indices.second);
+    Vec weights = closest_barycentrics(positions[pair.indices.first], positions[face.a], positions[face.b],
                                        positions[face.c]);
     return weights.x > 0 && weights.y > 0 && weights.z > 0;
 }
@@ -67,13 +67,14 @@ Array<int32_t> find_points_over(const Outfit &outfit, Array<PointPair> pairs, co
                                 Arena &arena) {
     int garments = outfit.garments(), cages = outfit.cages.vertices();
     if (!outfit.hems.size) return {};
-    const Sheet &sheet = outfit.solver.sheet;
+    const ContactMesh &mesh = outfit.solver.mesh;
     Votes votes{arena.take<int32_t>(cages * garments), garments};
     bool is_any = false;
     for (const PointPair &pair : pairs) {
-        Face face = sheet.surface.faces.at(pair.two.second);
-        int vertex = pair.two.first, one = outfit.cage_garments[vertex], other = outfit.cage_garments[face.a];
-        if (one == other || !is_across(pair, sheet, positions)) continue;
+        Face face = mesh.surface.faces.at(pair.indices.second);
+        int vertex = pair.indices.first, one = outfit.cage_garments[vertex],
+            other = outfit.cage_garments[face.a];
+        if (one == other || !is_across(pair, mesh, positions)) continue;
         // Faces look outwards: an inner vertex is over a face on its positive side, an inner face is over a
         // vertex on its negative one.
         int vote = (one < other) == (pair.side > 0) ? 1 : -1;

@@ -49,13 +49,13 @@ void fit_garment(const Layers &layers, int garment, const Vec *cloth, Placed &pl
 }
 
 // A point over a face: the height along the interpolated normal, and whether it is not beside the face.
-struct Over {
+struct HeightOverFace {
     Vec normal;
     float height;
     bool is_across;
 };
 
-Over over_face(Face f, const Vec *cloth, const Vec *normals, Vec point) {
+HeightOverFace over_face(Face f, const Vec *cloth, const Vec *normals, Vec point) {
     Vec weights = closest_barycentrics(point, cloth[f.a], cloth[f.b], cloth[f.c]);
     Vec away = point - weighted(weights, cloth[f.a], cloth[f.b], cloth[f.c]);
     Vec normal = unit(weighted(weights, normals[f.a], normals[f.b], normals[f.c]));
@@ -65,7 +65,7 @@ Over over_face(Face f, const Vec *cloth, const Vec *normals, Vec point) {
 
 // The move of a point off a face that is closest to it.
 Vec move_off(Face f, const Vec *cloth, const Vec *normals, Vec point, float clearance) {
-    Over over = over_face(f, cloth, normals, point);
+    HeightOverFace over = over_face(f, cloth, normals, point);
     if (over.height >= clearance || !over.is_across) return {};
     return (clearance - over.height) * over.normal;
 }
@@ -99,7 +99,7 @@ bool is_outside(const LaneTree &tree, FittedTree &fitted, const Vec *cloth, cons
     float beyond = 0;
     int face = closest_face(tree, fitted, point, REACH_BENEATH, beyond);
     if (face < 0) return false;
-    Over over = over_face(tree.faces.at(face), cloth, normals, point);
+    HeightOverFace over = over_face(tree.faces.at(face), cloth, normals, point);
     return over.is_across && over.height >= 0;
 }
 

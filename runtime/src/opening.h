@@ -17,7 +17,7 @@ struct Opening {
     int vertices;
     Sides sides;
     Array<float> want, allowed;
-    Spread spread;
+    NeighbourDistances spread;
     Array<int32_t> tips, rim_starts, rims, row_starts, vertex_rows;
     float slope;
 };

@@ -59,7 +59,7 @@ Array<int32_t> find_cage_garments(const Outfit &outfit, Arena &arena) {
         for (int point = outfit.starts[garment]; point < outfit.starts[garment + 1]; point++)
             for (int k = outfit.cage_starts[point]; k < outfit.cage_starts[point + 1]; k++)
                 garments[outfit.cage[k]] = garment;
-    const Array<Face> &faces = outfit.solver.sheet.surface.faces;
+    const Array<Face> &faces = outfit.solver.mesh.surface.faces;
     for (bool is_new = true; is_new;) {
         is_new = false;
         for (Face face : faces)
@@ -93,7 +93,7 @@ Array<int32_t> find_hems(const Outfit &outfit, Arena &arena) {
     Arena work;
     Array<int32_t> is_border = find_borders(fine.cloth.faces, fine.rings, work);
     Array<int32_t> hems = arena.take<int32_t>(outfit.points.vertices());
-    List<Two> borders;  // Garments, and their points on borders, the outermost garment first.
+    List<IndexPair> borders;  // Garments, and their points on borders, the outermost garment first.
     int32_t outer = 0, tucked = 0;
     for (int garment = garments - 1; garment >= 0; garment--) {
         for (int point = outfit.starts[garment]; point < outfit.starts[garment + 1]; point++) {
@@ -102,7 +102,7 @@ Array<int32_t> find_hems(const Outfit &outfit, Arena &arena) {
                 is_free = is_free && !(outfit.hold[outfit.cage[k]] > 0);
             if (!is_free) continue;
             hems[point] = outer;
-            for (Two other : borders.items)
+            for (IndexPair other : borders.items)
                 if (length(fine.rest[point] - fine.rest[other.second]) <= TUCKED)
                     hems[point] &= ~(1 << other.first);
             tucked |= hems[point];

@@ -7,12 +7,12 @@ namespace {
 constexpr double TURN = 6.283185307179586;
 
 // An edge of a face, and where it is among the edges of all faces, three of each.
-struct Side {
+struct FaceEdge {
     int32_t low, high, place;
 };
 
 // The two ends of an edge.
-struct Ends {
+struct EdgeEnds {
     int32_t a, b;
     int32_t operator[](int end) const { return end ? b : a; }
 };
@@ -20,18 +20,19 @@ struct Ends {
 // The edges of a surface. ends: (E). is_inner: (E) whether an edge has two faces. of_sides: (3 F) the edge of
 // each side.
 struct Edges {
-    Array<Ends> ends;
+    Array<EdgeEnds> ends;
     Array<int32_t> is_inner, of_sides;
 };
 
 Edges find_edges(Array<Face> faces, Arena &work) {
-    Array<Side> sides = work.take<Side>(3 * faces.size);
+    Array<FaceEdge> sides = work.take<FaceEdge>(3 * faces.size);
     for (int k = 0; k < sides.size; k++) {
         int from = faces[k / 3][k % 3], to = faces[k / 3][(k + 1) % 3];
         sides[k] = {least(from, to), most(from, to), k};
     }
-    sort(sides, [](Side a, Side b) { return a.high != b.high ? a.high < b.high : a.low < b.low; });
-    Edges edges{work.take<Ends>(sides.size), work.take<int32_t>(sides.size), work.take<int32_t>(sides.size)};
+    sort(sides, [](FaceEdge a, FaceEdge b) { return a.high != b.high ? a.high < b.high : a.low < b.low; });
+    Edges edges{work.take<EdgeEnds>(sides.size), work.take<int32_t>(sides.size),
+                work.take<int32_t>(sides.size)};
     Array<int32_t> counts = edges.is_inner;
     int count = 0;
     for (int k = 0; k < sides.size; k++) {

@@ -6,7 +6,7 @@ namespace uvc {
 namespace {
 
 // Walks over bytes: counts them, or copies them out of or into what they belong to.
-struct Walk {
+struct StateStream {
     enum Mode { COUNT, SAVE, RESTORE } mode;
     uint8_t *bytes;
     size_t size = 0;
@@ -30,7 +30,7 @@ Header header_of(const Character &character) {
             character.contact.points.items.size, character.contact.edges.items.size};
 }
 
-void walk_over(Character &character, Walk &walk) {
+void walk_over(Character &character, StateStream &walk) {
     Header header = header_of(character);
     int rows = character.outfit.solver.collider.parts * header.cages;
     walk.one(header);
@@ -76,7 +76,7 @@ void copy_in(Character &character, const Header &header, const uint8_t *bytes) {
     character.contact.edges.clear();
     for (int k = 0; k < header.point_pairs; k++) character.contact.points.add({});
     for (int k = 0; k < header.edge_pairs; k++) character.contact.edges.add({});
-    Walk walk{Walk::RESTORE, const_cast<uint8_t *>(bytes)};
+    StateStream walk{StateStream::RESTORE, const_cast<uint8_t *>(bytes)};
     walk_over(character, walk);
 }
 
@@ -101,14 +101,15 @@ bool are_indices(const int32_t *numbers, int count, int low, int high) {
 template <class Pair> bool are_pairs(Array<Pair> pairs, int firsts, int seconds) {
     bool all = true;
     for (const Pair &pair : pairs)
-        all = all && are_indices(&pair.two.first, 1, 0, firsts) && are_indices(&pair.two.second, 1, 0, seconds);
+        all = all && are_indices(&pair.indices.first, 1, 0, firsts) &&
+              are_indices(&pair.indices.second, 1, 0, seconds);
     return all;
 }
 
 // Whether a character can go on from what was read: bytes of its size may be those of anything.
 bool is_whole(const Character &c) {
     const Outfit &outfit = c.outfit;
-    const Sheet &sheet = outfit.solver.sheet;
+    const ContactMesh &mesh = outfit.solver.mesh;
     const Collider &collider = outfit.solver.collider, &cleared = outfit.clearing.collider;
     bool all = c.steps >= 0 && c.steps <= MOST_STEPS && c.solved >= 0 && c.solved <= MOST_STEPS;
     all = all && *c.memory.frame >= 0 && *c.memory.frame <= MOST_STEPS;
@@ -125,8 +126,8 @@ bool is_whole(const Character &c) {
     int rows = collider.parts * c.positions.size, cleared_rows = cleared.parts * c.shown.size;
     all = all && are_indices(c.searched.faces, rows, -1, collider.surface.faces.size);
     all = all && are_indices(c.memory.searched.faces, cleared_rows, -1, cleared.surface.faces.size);
-    return all && are_pairs(c.contact.points.items, c.positions.size, sheet.surface.faces.size) &&
-           are_pairs(c.contact.edges.items, sheet.edges.size, sheet.edges.size);
+    return all && are_pairs(c.contact.points.items, c.positions.size, mesh.surface.faces.size) &&
+           are_pairs(c.contact.edges.items, mesh.edges.size, mesh.edges.size);
 }
 
 // Counting and saving change nothing.
@@ -135,13 +136,13 @@ Character &changeable(const Character &character) { return const_cast<Character 
 }  // namespace
 
 size_t saved_size(const Character &character) {
-    Walk walk{Walk::COUNT, nullptr};
+    StateStream walk{StateStream::COUNT, nullptr};
     walk_over(changeable(character), walk);
     return walk.size;
 }
 
 void save(const Character &character, uint8_t *bytes) {
-    Walk walk{Walk::SAVE, bytes};
+    StateStream walk{StateStream::SAVE, bytes};
     walk_over(changeable(character), walk);
 }
 

@@ -23,7 +23,7 @@ constexpr int PREDICTED_DIGITS = 4;
 constexpr int MOST_DIGITS = 32;
 
 // Odds of a decision for 1: the mean of a fast and of a slow estimate.
-struct Odds {
+struct BitProbability {
     uint16_t fast = 1 << (ODDS_BITS - 1), slow = 1 << (ODDS_BITS - 1);
 
     uint32_t mean() const { return ((uint32_t)fast + slow) >> 1; }
@@ -108,22 +108,22 @@ uint32_t unfolded(uint32_t number) { return number >> 1 ^ (0u - (number & 1)); }
 template <class Coded> struct Coder {
     Coded coded;
     Prediction prediction;
-    Odds classes[COLUMNS][MOST_DIGITS + 1][64], digits[MOST_DIGITS + 1][1 << PREDICTED_DIGITS];
-    Odds places[COLUMNS][PLACES][2 * REMEMBERED], is_last[COLUMNS][PLACES], is_new[COLUMNS][PLACES];
+    BitProbability classes[COLUMNS][MOST_DIGITS + 1][64], digits[MOST_DIGITS + 1][1 << PREDICTED_DIGITS];
+    BitProbability places[COLUMNS][PLACES][2 * REMEMBERED], is_last[COLUMNS][PLACES], is_new[COLUMNS][PLACES];
     int32_t remembered[REMEMBERED] = {};
     int before[COLUMNS] = {}, place_before = 0;
     int32_t newest = 0;
 
     Coder(Coded coded, Prediction prediction) : coded(coded), prediction(prediction) {}
 
-    int decide(Odds &odds, int bit) {
+    int decide(BitProbability &odds, int bit) {
         bit = coded.decide(odds.mean(), bit);
         odds.learn(bit);
         return bit;
     }
 
     // A number below 2^bits, digit by digit from the first one, with odds of its own for each beginning.
-    uint32_t choose(Odds *odds, int bits, uint32_t number) {
+    uint32_t choose(BitProbability *odds, int bits, uint32_t number) {
         uint32_t begun = 1;
         for (int k = bits - 1; k >= 0; k--)
             begun = 2 * begun + (uint32_t)decide(odds[begun], (int)(number >> k & 1));

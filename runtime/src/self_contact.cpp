@@ -41,10 +41,10 @@ constexpr int MOST_WALKED = 1 << 28;
 
 // Numbers the pairs of nodes that a walk meets and whose faces share a vertex, so that the walk knows at once
 // which pairs to test by boxes and which by cones.
-struct Walk {
+struct AdjacentNodePairs {
     const BoxTree &tree;
     Array<Box> boxes;
-    List<Two> following;
+    List<IndexPair> following;
     int walked = 0;
 
     bool share_vertex(int a, int b) const {
@@ -73,15 +73,15 @@ struct Walk {
 };
 
 // Marks the nodes whose faces are connected by edges.
-void find_connected(Sheet &sheet, Arena &arena) {
-    const Surface &surface = sheet.surface;
-    const BoxTree &tree = sheet.tree;
+void find_connected(ContactMesh &mesh, Arena &arena) {
+    const Surface &surface = mesh.surface;
+    const BoxTree &tree = mesh.tree;
     Arena work;
     int faces = surface.faces.size;
     Array<int32_t> place = work.take<int32_t>(faces), visited = work.take<int32_t>(faces);
     Array<int32_t> waiting = work.take<int32_t>(faces + 1);
     for (int k = 0; k < faces; k++) place[tree.order[k]] = k;
-    sheet.connected = arena.take<int32_t>(tree.nodes.size);
+    mesh.connected = arena.take<int32_t>(tree.nodes.size);
     for (int node = 0; node < tree.roots[tree.roots.size - 1]; node++) {
         Node n = tree.nodes[node];
         if (n.first == n.last) continue;
@@ -96,28 +96,28 @@ void find_connected(Sheet &sheet, Arena &arena) {
                 visited[other] = node + 1;
                 waiting[count++] = other;
             }
-        sheet.connected[node] = count == size_of(n);
+        mesh.connected[node] = count == size_of(n);
     }
 }
 
 // Cosine of the half angle of a cone around an axis that holds another; -1 from a quarter turn on.
-float widened(Cone cone, Vec axis) {
+float widened(NormalCone cone, Vec axis) {
     float along = clamp(dot(axis, cone.axis), -1, 1);
     float sine = root(most(1 - cone.cosine * cone.cosine, 0.0f));
     float cosine = along * cone.cosine - root(1 - along * along) * sine;
     return along > 0 && cone.cosine > 0 && cosine > 0 ? cosine : -1;
 }
 
-void fit_cones(const Sheet &sheet, const Vec *positions, Array<Cone> cones) {
-    const BoxTree &tree = sheet.tree;
+void fit_cones(const ContactMesh &mesh, const Vec *positions, Array<NormalCone> cones) {
+    const BoxTree &tree = mesh.tree;
     for (int k = tree.roots[tree.roots.size - 1] - 1; k >= 0; k--) {
         Node node = tree.nodes.at(k);
         if (node.is_leaf()) {
             if (node.first < node.last)
-                cones.at(k) = {unit(face_normal(sheet.surface, positions, tree.order.at(node.first))), 1};
+                cones.at(k) = {unit(face_normal(mesh.surface, positions, tree.order.at(node.first))), 1};
             continue;
         }
-        Cone left = cones.at(k + 1), right = cones.at(node.right);
+        NormalCone left = cones.at(k + 1), right = cones.at(node.right);
         Vec axis = unit(left.axis + right.axis);
         cones.at(k) = {axis, least(widened(left, axis), widened(right, axis))};
     }
@@ -141,35 +141,26 @@ float relative_speed(const SelfContact &contact, int a, int b) {
 }
 
 // Whether two adjacent nodes are one patch, all normals within an angle of cosine `flat`.
-bool is_one_patch(const Sheet &sheet, Array<Cone> cones, int a, int b, float flat) {
-    Cone x = cones.at(a), y = cones.at(b);
-    if (!sheet.connected.at(a) || !sheet.connected.at(b) || x.cosine < flat || y.cosine < flat) return false;
+bool is_one_patch(const ContactMesh &mesh, Array<NormalCone> cones, int a, int b, float flat) {
+    NormalCone x = cones.at(a), y = cones.at(b);
+    if (!mesh.connected.at(a) || !mesh.connected.at(b) || x.cosine < flat || y.cosine < flat) return false;
     Vec axis = unit(x.axis + y.axis);
     return least(widened(x, axis), widened(y, axis)) >= flat;
 }
 
-// Whether face g is farther than margin from the plane of face f, all on one side.
-bool is_off_plane(const Surface &surface, const Vec *positions, int f, Vec normal, int g, float margin) {
-    Vec on_plane = positions[surface.faces.at(f).a];
-    Face face = surface.faces.at(g);
-    float a = dot(positions[face.a] - on_plane, normal), b = dot(positions[face.b] - on_plane, normal);
-    float c = dot(positions[face.c] - on_plane, normal);
-    return least(least(a, b), c) > margin || most(most(a, b), c) < -margin;
-}
-
 // Puts the pairs of nodes of single faces that may be near into `leaves`. Returns false if there are too many.
-bool walk_pairs(const Sheet &sheet, SelfContact &contact, const Vec *positions, float margin, float interval,
-                float flat) {
+bool walk_pairs(const ContactMesh &mesh, SelfContact &contact, const Vec *positions, float margin,
+                float interval, float flat) {
     struct Waiting {
         int32_t a, b, pair;
     };
-    const Surface &surface = sheet.surface;
-    const BoxTree &tree = sheet.tree;
+    const Surface &surface = mesh.surface;
+    const BoxTree &tree = mesh.tree;
     List<Waiting> stack;
     int pieces = tree.roots.size - 1;
     for (int i = 0; i < pieces; i++)
         for (int j = i; j < pieces; j++)
-            if (!sheet.apart.at(i * pieces + j)) stack.add({tree.roots.at(i), tree.roots.at(j), APART});
+            if (!mesh.apart.at(i * pieces + j)) stack.add({tree.roots.at(i), tree.roots.at(j), APART});
     contact.leaves.clear();
     int limit = most(MOST_NEAR, MOST_PER_FACE * surface.faces.size);
     while (stack.items.size > 0) {
@@ -177,20 +168,20 @@ bool walk_pairs(const Sheet &sheet, SelfContact &contact, const Vec *positions, 
         Waiting w = stack.items[--stack.items.size];
         Node x = tree.nodes.at(w.a), y = tree.nodes.at(w.b);
         if (w.a == w.b) {
-            if (x.is_leaf() || (sheet.connected.at(w.a) && contact.cones.at(w.a).cosine > flat)) continue;
+            if (x.is_leaf() || (mesh.connected.at(w.a) && contact.cones.at(w.a).cosine > flat)) continue;
             stack.add({w.a + 1, w.a + 1, APART});
             stack.add({x.right, x.right, APART});
-            int half = sheet.halves.at(w.a);
+            int half = mesh.halves.at(w.a);
             stack.add({w.a + 1, x.right, half});
             continue;
         }
         // Nodes that share a vertex are not apart, and those that do not are no one patch.
         if (w.pair == APART ? are_apart(contact, w.a, w.b, margin, interval)
-                            : is_one_patch(sheet, contact.cones, w.a, w.b, flat))
+                            : is_one_patch(mesh, contact.cones, w.a, w.b, flat))
             continue;
         if (!x.is_leaf() || !y.is_leaf()) {
             bool halve_a = first_is_halved(x, y);
-            Two next = w.pair == APART ? Two{APART, APART} : sheet.following.at(w.pair);
+            IndexPair next = w.pair == APART ? IndexPair{APART, APART} : mesh.following.at(w.pair);
             int left = halve_a ? w.a + 1 : w.b + 1, right = halve_a ? x.right : y.right;
             stack.add({halve_a ? left : w.a, halve_a ? w.b : left, next.first});
             stack.add({halve_a ? right : w.a, halve_a ? w.b : right, next.second});
@@ -229,13 +220,13 @@ UVC_INLINE Vector<F> closest_on_segments(Vector<F> p0, Vector<F> p1, Vector<F> q
 // Pairs that may be near, eight at a time: a first and a second thing, four vertices, the distance, m, within
 // which they count, and whether both are of one piece.
 struct Candidates {
-    Two pairs[LANES];
+    IndexPair pairs[LANES];
     int32_t vertices[4][LANES];
     float margins[LANES];
     bool is_one_piece[LANES];
     int count = 0;
 
-    void add(Two pair, int a, int b, int c, int d, float margin, bool one_piece) {
+    void add(IndexPair pair, int a, int b, int c, int d, float margin, bool one_piece) {
         pairs[count] = pair;
         is_one_piece[count] = one_piece;
         vertices[0][count] = a;
@@ -257,21 +248,21 @@ struct Candidates {
     }
 };
 
-float distance_at_rest(const Sheet &sheet, int vertex, Face face) {
-    const Vec *rest = sheet.rest.data;
+float distance_at_rest(const ContactMesh &mesh, int vertex, Face face) {
+    const Vec *rest = mesh.rest.data;
     Vec weights = closest_barycentrics(rest[vertex], rest[face.a], rest[face.b], rest[face.c]);
     return length(rest[vertex] - weighted(weights, rest[face.a], rest[face.b], rest[face.c]));
 }
 
-float distance_at_rest(const Sheet &sheet, Two p, Two q) {
-    const Vec *rest = sheet.rest.data;
+float distance_at_rest(const ContactMesh &mesh, IndexPair p, IndexPair q) {
+    const Vec *rest = mesh.rest.data;
     float s, t;
     return length(closest_on_segments(rest[p.first], rest[p.second], rest[q.first], rest[q.second], s, t));
 }
 
 bool share_vertex(int vertex, Face face) { return face.has(vertex); }
 
-bool share_vertex(Two p, Two q) {
+bool share_vertex(IndexPair p, IndexPair q) {
     return p.first == q.first || p.first == q.second || p.second == q.first || p.second == q.second;
 }
 
@@ -280,7 +271,7 @@ bool are_joined(const Rings &rings, int vertex, Face face) {
     return in_ring(rings, vertex, face.a) || in_ring(rings, vertex, face.b) || in_ring(rings, vertex, face.c);
 }
 
-bool are_joined(const Rings &rings, Two p, Two q) {
+bool are_joined(const Rings &rings, IndexPair p, IndexPair q) {
     return in_ring(rings, p.first, q.first) || in_ring(rings, p.first, q.second) ||
            in_ring(rings, p.second, q.first) || in_ring(rings, p.second, q.second);
 }
@@ -288,18 +279,18 @@ bool are_joined(const Rings &rings, Two p, Two q) {
 // Distance, m, that two things of the cloth keep, -1 for those that are never apart: they share a vertex, or an
 // edge joins them and they are within the margin at rest.
 template <class First, class Second>
-float kept_distance(const Sheet &sheet, const SelfDistances &distances, bool is_one_piece, First first,
+float kept_distance(const ContactMesh &mesh, const SelfDistances &distances, bool is_one_piece, First first,
                     Second second) {
     if (!is_one_piece) return distances.radius;
     if (share_vertex(first, second)) return -1;
-    float apart = distance_at_rest(sheet, first, second);
-    if (apart < distances.radius + distances.margin && are_joined(sheet.rings, first, second)) return -1;
+    float apart = distance_at_rest(mesh, first, second);
+    if (apart < distances.radius + distances.margin && are_joined(mesh.rings, first, second)) return -1;
     return most(distances.radius, least(apart, distances.fold_radius));
 }
 
 // Keeps those vertices that are within their margin of a face, and not beside it at rest.
-void keep_points(const Sheet &sheet, const Vec *positions, const SelfDistances &distances, Candidates &some,
-                 List<PointPair> &points) {
+void keep_points(const ContactMesh &mesh, const Vec *positions, const SelfDistances &distances,
+                 Candidates &some, List<PointPair> &points) {
     if (!some.count) return;
     unsigned lanes = some.close();
     LaneVec a = gather(positions, some.vertices[1]), ap = gather(positions, some.vertices[0]) - a;
@@ -311,13 +302,13 @@ void keep_points(const Sheet &sheet, const Vec *positions, const SelfDistances &
     for (lanes &= bits(dot(away, away) <= margins * margins); lanes;) {
         int lane = take(lanes), vertex = some.vertices[0][lane];
         Face face{some.vertices[1][lane], some.vertices[2][lane], some.vertices[3][lane]};
-        float radius = kept_distance(sheet, distances, some.is_one_piece[lane], vertex, face);
+        float radius = kept_distance(mesh, distances, some.is_one_piece[lane], vertex, face);
         if (radius >= 0) points.add({some.pairs[lane], above >> lane & 1 ? 1.0f : -1.0f, radius});
     }
 }
 
 // Keeps those edges that are within their margin of another, and not beside it at rest.
-void keep_edges(const Sheet &sheet, const Vec *positions, const SelfDistances &distances, Candidates &some,
+void keep_edges(const ContactMesh &mesh, const Vec *positions, const SelfDistances &distances, Candidates &some,
                 List<EdgePair> &edges) {
     if (!some.count) return;
     unsigned lanes = some.close();
@@ -331,45 +322,46 @@ void keep_edges(const Sheet &sheet, const Vec *positions, const SelfDistances &d
         int lane = take(lanes);
         int p0 = some.vertices[0][lane], p1 = some.vertices[1][lane], q0 = some.vertices[2][lane],
             q1 = some.vertices[3][lane];
-        float radius = kept_distance(sheet, distances, some.is_one_piece[lane], Two{p0, p1}, Two{q0, q1});
+        float radius =
+            kept_distance(mesh, distances, some.is_one_piece[lane], IndexPair{p0, p1}, IndexPair{q0, q1});
         if (radius >= 0) edges.add({some.pairs[lane], pick(directions, lane), radius});
     }
 }
 
 // Finds the pairs of the faces in `leaves`.
-void find_in_leaves(const Sheet &sheet, const Vec *positions, const SelfDistances &distances, float interval,
-                    SelfContact &contact) {
-    const BoxTree &tree = sheet.tree;
+void find_in_leaves(const ContactMesh &mesh, const Vec *positions, const SelfDistances &distances,
+                    float interval, SelfContact &contact) {
+    const BoxTree &tree = mesh.tree;
     Candidates points, edges;
     auto add_corners = [&](int f, int g, float watched, bool one_piece) {
         Face owner = tree.faces.at(f), face = tree.faces.at(g);
         for (int corner = 0; corner < 3; corner++) {
-            if (!(sheet.owned.at(f) >> corner & 1)) continue;
+            if (!(mesh.owned.at(f) >> corner & 1)) continue;
             points.add({owner[corner], g}, owner[corner], face.a, face.b, face.c, watched, one_piece);
-            if (points.count == LANES) keep_points(sheet, positions, distances, points, contact.points);
+            if (points.count == LANES) keep_points(mesh, positions, distances, points, contact.points);
         }
     };
-    for (Two leaf : contact.leaves.items) {
+    for (IndexPair leaf : contact.leaves.items) {
         int f = tree.order.at(tree.nodes.at(leaf.first).first);
         int g = tree.order.at(tree.nodes.at(leaf.second).first);
-        bool one_piece = sheet.pieces.at(f) == sheet.pieces.at(g);
+        bool one_piece = mesh.pieces.at(f) == mesh.pieces.at(g);
         float watched = (one_piece ? distances.fold_radius : distances.radius) + distances.margin +
                         interval * relative_speed(contact, leaf.first, leaf.second);
         add_corners(f, g, watched, one_piece);
         add_corners(g, f, watched, one_piece);
         for (int i = 0; i < 3; i++) {
-            if (!(sheet.owned.at(f) >> (3 + i) & 1)) continue;
+            if (!(mesh.owned.at(f) >> (3 + i) & 1)) continue;
             for (int j = 0; j < 3; j++) {
-                if (!(sheet.owned.at(g) >> (3 + j) & 1)) continue;
-                int first = sheet.face_edges.at(f)[i], second = sheet.face_edges.at(g)[j];
-                Two p = sheet.edges.at(first), q = sheet.edges.at(second);
+                if (!(mesh.owned.at(g) >> (3 + j) & 1)) continue;
+                int first = mesh.face_edges.at(f)[i], second = mesh.face_edges.at(g)[j];
+                IndexPair p = mesh.edges.at(first), q = mesh.edges.at(second);
                 edges.add({first, second}, p.first, p.second, q.first, q.second, watched, one_piece);
-                if (edges.count == LANES) keep_edges(sheet, positions, distances, edges, contact.edges);
+                if (edges.count == LANES) keep_edges(mesh, positions, distances, edges, contact.edges);
             }
         }
     }
-    keep_points(sheet, positions, distances, points, contact.points);
-    keep_edges(sheet, positions, distances, edges, contact.edges);
+    keep_points(mesh, positions, distances, points, contact.points);
+    keep_edges(mesh, positions, distances, edges, contact.edges);
 }
 
 // Orders pairs by their first index: where each of `count` begins, and the order.
@@ -379,9 +371,9 @@ template <class Pair> void group(Array<Pair> pairs, int count, List<int32_t> &st
     for (int k = 0; k < count + 2; k++) starts.add(0);
     for (int k = 0; k < pairs.size; k++) order.add(0);
     int32_t *first = starts.items.data;
-    for (const Pair &pair : pairs) first[pair.two.first + 2]++;
+    for (const Pair &pair : pairs) first[pair.indices.first + 2]++;
     for (int k = 0; k <= count; k++) first[k + 1] += first[k];
-    for (int k = 0; k < pairs.size; k++) order.items[first[pairs[k].two.first + 1]++] = k;
+    for (int k = 0; k < pairs.size; k++) order.items[first[pairs[k].indices.first + 1]++] = k;
 }
 
 // Gives pairs the sides that they had before.
@@ -389,9 +381,10 @@ template <class Pair, class Keep>
 void remember(Array<Pair> pairs, Array<Pair> before, int count, SelfContact &contact, Keep keep) {
     group(before, count, contact.starts, contact.order);
     for (Pair &pair : pairs)
-        for (int k = contact.starts.items[pair.two.first]; k < contact.starts.items[pair.two.first + 1]; k++) {
+        for (int k = contact.starts.items[pair.indices.first]; k < contact.starts.items[pair.indices.first + 1];
+             k++) {
             const Pair &old = before[contact.order.items[k]];
-            if (old.two.second == pair.two.second) keep(pair, old);
+            if (old.indices.second == pair.indices.second) keep(pair, old);
         }
 }
 
@@ -434,11 +427,11 @@ void push_apart(const Corners &four, Vec normal, float gap, Vec *positions, Vec 
     }
 }
 
-void resolve_point(const Sheet &sheet, const PointPair &pair, Vec *positions, Vec *velocities,
+void resolve_point(const ContactMesh &mesh, const PointPair &pair, Vec *positions, Vec *velocities,
                    const Particles &particles, float step) {
     float radius = pair.radius;
-    Face face = sheet.surface.faces.at(pair.two.second);
-    Vec point = positions[pair.two.first];
+    Face face = mesh.surface.faces.at(pair.indices.second);
+    Vec point = positions[pair.indices.first];
     Vec a = positions[face.a], b = positions[face.b], c = positions[face.c];
     Vec normal = pair.side * unit(cross(b - a, c - a));
     Vec weights = closest_barycentrics(point, a, b, c), away = point - weighted(weights, a, b, c);
@@ -446,7 +439,7 @@ void resolve_point(const Sheet &sheet, const PointPair &pair, Vec *positions, Ve
     bool inside = weights.x > 0 && weights.y > 0 && weights.z > 0;
     float gap = (inside ? height : distance) - radius;
     if (gap >= 0) return;
-    Corners four{{pair.two.first, face.a, face.b, face.c}, {1, -weights.x, -weights.y, -weights.z}};
+    Corners four{{pair.indices.first, face.a, face.b, face.c}, {1, -weights.x, -weights.y, -weights.z}};
     if (inside) {
         if (gap < -2 * radius - LOST) return;
     } else {
@@ -457,10 +450,10 @@ void resolve_point(const Sheet &sheet, const PointPair &pair, Vec *positions, Ve
     push_apart(four, normal, gap, positions, velocities, particles, step);
 }
 
-void resolve_edges(const Sheet &sheet, EdgePair &pair, Vec *positions, Vec *velocities,
+void resolve_edges(const ContactMesh &mesh, EdgePair &pair, Vec *positions, Vec *velocities,
                    const Particles &particles, float step) {
     float radius = pair.radius;
-    Two p = sheet.edges.at(pair.two.first), q = sheet.edges.at(pair.two.second);
+    IndexPair p = mesh.edges.at(pair.indices.first), q = mesh.edges.at(pair.indices.second);
     float s, t;
     Vec apart = closest_on_segments(positions[p.first], positions[p.second], positions[q.first],
                                     positions[q.second], s, t);
@@ -481,7 +474,7 @@ void resolve_edges(const Sheet &sheet, EdgePair &pair, Vec *positions, Vec *velo
 }
 
 // Eight pairs that are looked at together, the last one again where there are fewer.
-struct Eight {
+struct PairBatch {
     int32_t pairs[LANES];
     int count;
 };
@@ -493,25 +486,25 @@ UVC_INLINE LaneMask until(Lanes gap, LaneVec motion, float step) {
 }
 
 // Sets the substeps that pairs wait, of those that are apart.
-void wait_where(LaneMask is_apart, LaneMask substeps, const Eight &eight, Array<int32_t> wait) {
-    for (unsigned lanes = bits(is_apart) & ((1u << eight.count) - 1); lanes;) {
+void wait_where(LaneMask is_apart, LaneMask substeps, const PairBatch &batch, Array<int32_t> wait) {
+    for (unsigned lanes = bits(is_apart) & ((1u << batch.count) - 1); lanes;) {
         int lane = take(lanes);
-        wait.at(eight.pairs[lane]) = substeps[lane];
+        wait.at(batch.pairs[lane]) = substeps[lane];
     }
 }
 
 // Looks at eight pairs of a vertex and a face, sets how long those wait that are apart, and returns a bit for
 // each that has to be resolved.
-unsigned look_at_points(const Sheet &sheet, Array<PointPair> pairs, const Eight &eight, const Vec *positions,
-                        const Vec *velocities, float step, Array<int32_t> wait) {
+unsigned look_at_points(const ContactMesh &mesh, Array<PointPair> pairs, const PairBatch &batch,
+                        const Vec *positions, const Vec *velocities, float step, Array<int32_t> wait) {
     int32_t corners[4][LANES];
     float sides[LANES], radii[LANES];
     for (int lane = 0; lane < LANES; lane++) {
-        const PointPair &pair = pairs.at(eight.pairs[lane]);
-        Face face = sheet.surface.faces.at(pair.two.second);
+        const PointPair &pair = pairs.at(batch.pairs[lane]);
+        Face face = mesh.surface.faces.at(pair.indices.second);
         sides[lane] = pair.side;
         radii[lane] = pair.radius;
-        corners[0][lane] = pair.two.first;
+        corners[0][lane] = pair.indices.first;
         corners[1][lane] = face.a;
         corners[2][lane] = face.b;
         corners[3][lane] = face.c;
@@ -529,20 +522,20 @@ unsigned look_at_points(const Sheet &sheet, Array<PointPair> pairs, const Eight 
     Lanes gap = choose(inside, height, distance) - radius;
     LaneVec motion = gather(velocities, corners[0]) - u * gather(velocities, corners[1]) -
                      v * gather(velocities, corners[2]) - w * gather(velocities, corners[3]);
-    wait_where(gap >= 0.0f, until(gap, motion, step), eight, wait);
+    wait_where(gap >= 0.0f, until(gap, motion, step), batch, wait);
     LaneMask is_side_known = inside ? gap >= -2 * radius - LOST : (height >= 0.0f) & (distance >= TOUCHING);
     // A face without an area leaves no number: it is looked at alone.
     return bits(~(gap >= 0.0f) & (is_side_known | ~(gap < 0.0f)));
 }
 
 // The same for pairs of edges, whose directions are renewed.
-unsigned look_at_edges(const Sheet &sheet, Array<EdgePair> pairs, const Eight &eight, const Vec *positions,
-                       const Vec *velocities, float step, Array<int32_t> wait) {
+unsigned look_at_edges(const ContactMesh &mesh, Array<EdgePair> pairs, const PairBatch &batch,
+                       const Vec *positions, const Vec *velocities, float step, Array<int32_t> wait) {
     int32_t ends[4][LANES];
     float directions[3][LANES], radii[LANES];
     for (int lane = 0; lane < LANES; lane++) {
-        const EdgePair &pair = pairs.at(eight.pairs[lane]);
-        Two p = sheet.edges.at(pair.two.first), q = sheet.edges.at(pair.two.second);
+        const EdgePair &pair = pairs.at(batch.pairs[lane]);
+        IndexPair p = mesh.edges.at(pair.indices.first), q = mesh.edges.at(pair.indices.second);
         ends[0][lane] = p.first;
         ends[1][lane] = p.second;
         ends[2][lane] = q.first;
@@ -560,11 +553,11 @@ unsigned look_at_edges(const Sheet &sheet, Array<EdgePair> pairs, const Eight &e
     LaneMask crossed = dot(apart, direction) < 0.0f, is_apart = ~crossed & (distance >= radius);
     LaneVec motion = (1.0f - s) * gather(velocities, ends[0]) + s * gather(velocities, ends[1]) -
                      (1.0f - t) * gather(velocities, ends[2]) - t * gather(velocities, ends[3]);
-    wait_where(is_apart, until(distance - radius, motion, step), eight, wait);
+    wait_where(is_apart, until(distance - radius, motion, step), batch, wait);
     LaneVec renewed = (1.0f / (distance + TINY)) * apart;
-    for (unsigned lanes = bits(~crossed & (distance > TOUCHING)) & ((1u << eight.count) - 1); lanes;) {
+    for (unsigned lanes = bits(~crossed & (distance > TOUCHING)) & ((1u << batch.count) - 1); lanes;) {
         int lane = take(lanes);
-        pairs.at(eight.pairs[lane]).direction = pick(renewed, lane);
+        pairs.at(batch.pairs[lane]).direction = pick(renewed, lane);
     }
     LaneMask is_between = (s > 0.0f) & (s < 1.0f) & (t > 0.0f) & (t < 1.0f);
     return bits(~is_apart & is_between & ~(crossed & (distance > LOST_EDGES)));
@@ -573,28 +566,28 @@ unsigned look_at_edges(const Sheet &sheet, Array<EdgePair> pairs, const Eight &e
 // Looks at pairs that do not wait, eight at a time, and resolves those that are too near, one after another.
 template <class Pair, class Look, class Resolve>
 void resolve_all(Array<Pair> pairs, Array<int32_t> wait, Look look, Resolve resolve) {
-    Eight eight{};
+    PairBatch batch{};
     auto resolve_eight = [&] {
-        for (int lane = eight.count; lane < LANES; lane++) eight.pairs[lane] = eight.pairs[eight.count - 1];
-        for (unsigned lanes = look(eight) & ((1u << eight.count) - 1); lanes;)
-            resolve(pairs.at(eight.pairs[take(lanes)]));
-        eight.count = 0;
+        for (int lane = batch.count; lane < LANES; lane++) batch.pairs[lane] = batch.pairs[batch.count - 1];
+        for (unsigned lanes = look(batch) & ((1u << batch.count) - 1); lanes;)
+            resolve(pairs.at(batch.pairs[take(lanes)]));
+        batch.count = 0;
     };
     for (int k = 0; k < pairs.size; k++) {
         if (wait.at(k) > 0) {
             wait.at(k)--;
             continue;
         }
-        eight.pairs[eight.count++] = k;
-        if (eight.count == LANES) resolve_eight();
+        batch.pairs[batch.count++] = k;
+        if (batch.count == LANES) resolve_eight();
     }
-    if (eight.count) resolve_eight();
+    if (batch.count) resolve_eight();
 }
 
 }  // namespace
 
-Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure) {
-    Sheet sheet{};
+ContactMesh read_contact_mesh(const Sections &sections, Arena &arena, Failure &failure) {
+    ContactMesh mesh{};
     Array<float> rest = read_floats(sections, "cloth.rest", -1, 3, arena, failure);
     int vertices = rest.size / 3;
     Array<int32_t> corners = read_faces(sections, "sheet.faces", vertices, arena, failure);
@@ -603,72 +596,72 @@ Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure) {
     starts = read_starts(sections, "sheet.starts", most(starts.size - 1, 0), faces, arena, failure);
     int pieces = most(starts.size - 1, 0);
     Array<int32_t> edges = read_indices(sections, "sheet.edges", -1, 2, 0, vertices, arena, failure);
-    sheet.edges = {reinterpret_cast<Two *>(edges.data), edges.size / 2};
-    sheet.owned = read_integers(sections, "sheet.owned", faces, 1, arena, failure);
+    mesh.edges = {reinterpret_cast<IndexPair *>(edges.data), edges.size / 2};
+    mesh.owned = read_integers(sections, "sheet.owned", faces, 1, arena, failure);
     Array<int32_t> face_edges =
         read_indices(sections, "sheet.face_edges", faces, 3, 0, edges.size / 2, arena, failure);
-    sheet.face_edges = {reinterpret_cast<Face *>(face_edges.data), faces};
-    sheet.apart = read_integers(sections, "sheet.apart", pieces, pieces, arena, failure);
-    sheet.spacing = read_number(sections, "sheet.spacing", failure);
+    mesh.face_edges = {reinterpret_cast<Face *>(face_edges.data), faces};
+    mesh.apart = read_integers(sections, "sheet.apart", pieces, pieces, arena, failure);
+    mesh.spacing = read_number(sections, "sheet.spacing", failure);
     for (int piece = 0; piece < pieces && !failure.failed; piece++)
         if (starts[piece] == starts[piece + 1]) failure.say("piece %d of the cloth has no faces", piece);
     if (failure.failed) return {};
     Array<Face> triangles{reinterpret_cast<Face *>(corners.data), faces};
     Vec *points = reinterpret_cast<Vec *>(rest.data);
-    sheet.rest = {points, vertices};
-    sheet.surface = make_surface(vertices, triangles, arena);
-    sheet.tree = make_box_tree(points, triangles, starts, 1, arena);
-    sheet.rings = vertex_rings(triangles, vertices, arena);
-    find_connected(sheet, arena);
-    sheet.pieces = arena.take<int32_t>(faces);
+    mesh.rest = {points, vertices};
+    mesh.surface = make_surface(vertices, triangles, arena);
+    mesh.tree = make_box_tree(points, triangles, starts, 1, arena);
+    mesh.rings = vertex_rings(triangles, vertices, arena);
+    find_connected(mesh, arena);
+    mesh.pieces = arena.take<int32_t>(faces);
     for (int piece = 0; piece < pieces; piece++)
-        for (int face = starts[piece]; face < starts[piece + 1]; face++) sheet.pieces[face] = piece;
+        for (int face = starts[piece]; face < starts[piece + 1]; face++) mesh.pieces[face] = piece;
     Arena work;
-    Walk walk{sheet.tree, work.take<Box>(sheet.tree.nodes.size), {}};
-    for (int piece = 0; piece < pieces; piece++) fit_boxes(sheet.tree, piece, points, walk.boxes);
-    sheet.halves = arena.take<int32_t>(sheet.tree.nodes.size);
-    for (int k = 0; k < sheet.tree.roots[pieces]; k++)
-        if (!sheet.tree.nodes[k].is_leaf())
-            sheet.halves[k] = walk.number(k + 1, sheet.tree.nodes[k].right);
+    AdjacentNodePairs walk{mesh.tree, work.take<Box>(mesh.tree.nodes.size), {}};
+    for (int piece = 0; piece < pieces; piece++) fit_boxes(mesh.tree, piece, points, walk.boxes);
+    mesh.halves = arena.take<int32_t>(mesh.tree.nodes.size);
+    for (int k = 0; k < mesh.tree.roots[pieces]; k++)
+        if (!mesh.tree.nodes[k].is_leaf()) mesh.halves[k] = walk.number(k + 1, mesh.tree.nodes[k].right);
     if (walk.walked == MOST_WALKED) failure.say("the cloth of the outfit lies all in one place");
-    sheet.following = arena.copy(walk.following.items);
-    return sheet;
+    mesh.following = arena.copy(walk.following.items);
+    return mesh;
 }
 
-bool find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities,
+bool find_pairs(const ContactMesh &mesh, const Vec *positions, const Vec *velocities,
                 const SelfDistances &distances, float interval, SelfContact &contact) {
-    const Surface &surface = sheet.surface;
-    const BoxTree &tree = sheet.tree;
+    const Surface &surface = mesh.surface;
+    const BoxTree &tree = mesh.tree;
     float margin = distances.fold_radius + distances.margin;
-    float flat = most(margin / sheet.spacing, LEAST_FLAT);
+    float flat = most(margin / mesh.spacing, LEAST_FLAT);
     for (int piece = 0; piece + 1 < tree.roots.size; piece++) {
         fit_boxes(tree, piece, positions, contact.boxes);
         fit_boxes(tree, piece, velocities, contact.speeds);
     }
-    fit_cones(sheet, positions, contact.cones);
-    if (!walk_pairs(sheet, contact, positions, margin, interval, flat)) return false;
+    fit_cones(mesh, positions, contact.cones);
+    if (!walk_pairs(mesh, contact, positions, margin, interval, flat)) return false;
     swap(contact.points, contact.points_before);
     swap(contact.edges, contact.edges_before);
     contact.points.clear();
     contact.edges.clear();
-    find_in_leaves(sheet, positions, distances, interval, contact);
+    find_in_leaves(mesh, positions, distances, interval, contact);
     remember(contact.points.items, contact.points_before.items, surface.vertices, contact,
              [](PointPair &pair, const PointPair &old) { pair.side = old.side; });
-    remember(contact.edges.items, contact.edges_before.items, sheet.edges.size, contact,
+    remember(contact.edges.items, contact.edges_before.items, mesh.edges.size, contact,
              [](EdgePair &pair, const EdgePair &old) { pair.direction = old.direction; });
     wait_for_none(contact.point_wait, contact.points.items.size);
     wait_for_none(contact.edge_wait, contact.edges.items.size);
     return true;
 }
 
-void drop_caught(const Sheet &sheet, const Collider &collider, const int32_t *caught, SelfContact &contact) {
+void drop_caught(const ContactMesh &mesh, const Collider &collider, const int32_t *caught,
+                 SelfContact &contact) {
     auto pass = [&](int one, int other) {
         return (caught[one] & collider.touches.at(other)) || (caught[other] & collider.touches.at(one));
     };
     auto passes_face = [&](int vertex, Face face) {
         return pass(vertex, face.a) || pass(vertex, face.b) || pass(vertex, face.c);
     };
-    auto passes_edge = [&](int vertex, Two edge) {
+    auto passes_edge = [&](int vertex, IndexPair edge) {
         return pass(vertex, edge.first) || pass(vertex, edge.second);
     };
     auto drop = [](auto &things, auto is_dropped) {
@@ -678,39 +671,35 @@ void drop_caught(const Sheet &sheet, const Collider &collider, const int32_t *ca
         things.size = kept;
     };
     drop(contact.points.items, [&](const PointPair &pair) {
-        return passes_face(pair.two.first, sheet.surface.faces.at(pair.two.second));
+        return passes_face(pair.indices.first, mesh.surface.faces.at(pair.indices.second));
     });
     drop(contact.edges.items, [&](const EdgePair &pair) {
-        Two p = sheet.edges.at(pair.two.first), q = sheet.edges.at(pair.two.second);
+        IndexPair p = mesh.edges.at(pair.indices.first), q = mesh.edges.at(pair.indices.second);
         return passes_edge(p.first, q) || passes_edge(p.second, q);
     });
     drop(contact.crossings.items, [&](const Crossing &crossing) {
-        Face face = sheet.surface.faces.at(crossing.face);
+        Face face = mesh.surface.faces.at(crossing.face);
         return passes_face(crossing.edge.first, face) || passes_face(crossing.edge.second, face);
     });
 }
 
-void resolve_pairs(const Sheet &sheet, SelfContact &contact, Vec *positions, Vec *velocities,
+void resolve_pairs(const ContactMesh &mesh, SelfContact &contact, Vec *positions, Vec *velocities,
                    const Particles &particles, float step) {
     Array<PointPair> points = contact.points.items;
     Array<EdgePair> edges = contact.edges.items;
     Array<int32_t> point_wait = contact.point_wait.items, edge_wait = contact.edge_wait.items;
     resolve_all(
         points, point_wait,
-        [&](const Eight &eight) {
-            return look_at_points(sheet, points, eight, positions, velocities, step, point_wait);
+        [&](const PairBatch &batch) {
+            return look_at_points(mesh, points, batch, positions, velocities, step, point_wait);
         },
-        [&](const PointPair &pair) {
-            resolve_point(sheet, pair, positions, velocities, particles, step);
-        });
+        [&](const PointPair &pair) { resolve_point(mesh, pair, positions, velocities, particles, step); });
     resolve_all(
         edges, edge_wait,
-        [&](const Eight &eight) {
-            return look_at_edges(sheet, edges, eight, positions, velocities, step, edge_wait);
+        [&](const PairBatch &batch) {
+            return look_at_edges(mesh, edges, batch, positions, velocities, step, edge_wait);
         },
-        [&](EdgePair &pair) {
-            resolve_edges(sheet, pair, positions, velocities, particles, step);
-        });
+        [&](EdgePair &pair) { resolve_edges(mesh, pair, positions, velocities, particles, step); });
 }
 
 }  // namespace uvc

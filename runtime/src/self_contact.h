@@ -8,12 +8,12 @@
 namespace uvc {
 
 // Two vertices, the ends of an edge, or a vertex and a face, or two edges.
-struct Two {
+struct IndexPair {
     int32_t first, second;
 };
 
 // Cone around the normals of a node's faces: axis, and cosine of the half angle, -1 from a quarter turn on.
-struct Cone {
+struct NormalCone {
     Vec axis;
     float cosine;
 };
@@ -23,18 +23,18 @@ struct Cone {
 // owned: for each face, bits 0 to 2 of the corners and bits 3 to 5 of the edges (corner i to i + 1) that it
 // stands for, so that each is tested once. face_edges: into edges. connected: nodes whose faces are one patch.
 // rest: (N) m. pieces: (M) of the faces. halves, following: where a walk through pairs of nodes goes on; see
-// `Walk` in self_contact.cpp. apart: (K, K) whether two pieces do not touch. spacing: m, least distance of
-// vertices along the mesh that are no neighbours, in slightly squeezed cloth.
-struct Sheet {
+// `AdjacentNodePairs` in self_contact.cpp. apart: (K, K) whether two pieces do not touch. spacing: m, least
+// distance of vertices along the mesh that are no neighbours, in slightly squeezed cloth.
+struct ContactMesh {
     Array<Vec> rest;
     Surface surface;
     BoxTree tree;
-    Array<Two> edges;
+    Array<IndexPair> edges;
     Array<int32_t> owned, pieces;
     Array<Face> face_edges;
     Rings rings;
     Array<int32_t> connected, halves;
-    Array<Two> following;
+    Array<IndexPair> following;
     Array<int32_t> apart;
     float spacing;
 };
@@ -42,18 +42,18 @@ struct Sheet {
 // Reads "cloth.rest" (N, 3) m, "sheet.faces" (M, 3), "sheet.starts" (K + 1) the first face of each piece,
 // "sheet.edges" (E, 2), "sheet.owned" (M), "sheet.face_edges" (M, 3), "sheet.apart" (K, K) and
 // "sheet.spacing" (1).
-Sheet read_sheet(const Sections &sections, Arena &arena, Failure &failure);
+ContactMesh read_contact_mesh(const Sections &sections, Arena &arena, Failure &failure);
 
 // A vertex near a face: the side, +1 or -1 along its normal, on which the vertex stays, and the distance, m,
 // that it keeps.
 struct PointPair {
-    Two two;
+    IndexPair indices;
     float side, radius;
 };
 
 // Two edges near each other, the unit direction from the second to the first, and the distance, m, they keep.
 struct EdgePair {
-    Two two;
+    IndexPair indices;
     Vec direction;
     float radius;
 };
@@ -67,7 +67,7 @@ struct SelfDistances {
 // An edge that runs through a face, and the corners of its faces that it does not have; `beyond` is -1 at a
 // border.
 struct Crossing {
-    Two edge;
+    IndexPair edge;
     int32_t inner, beyond, face;
 };
 
@@ -76,11 +76,11 @@ struct SelfContact {
     List<PointPair> points, points_before;
     List<EdgePair> edges, edges_before;
     List<int32_t> point_wait, edge_wait;
-    List<Two> leaves;
+    List<IndexPair> leaves;
     List<Crossing> crossings;
     List<int32_t> starts, order;
     Array<Box> boxes, speeds;
-    Array<Cone> cones;
+    Array<NormalCone> cones;
 };
 
 // Finds the pairs of the cloth that are within the distances and their margin, or may get there within an
@@ -90,16 +90,17 @@ struct SelfContact {
 // Magnenat-Thalmann 1994): at a half angle a, points that are `spacing` apart along it keep a distance of
 // spacing cos(a), more than the margin.
 // Returns false, and no pairs, if there are so many that a search would take for ever.
-bool find_pairs(const Sheet &sheet, const Vec *positions, const Vec *velocities,
+bool find_pairs(const ContactMesh &mesh, const Vec *positions, const Vec *velocities,
                 const SelfDistances &distances, float interval, SelfContact &contact);
 
 // Drops the pairs and crossings of cloth that is inside a part of the body which the other cloth touches:
 // mocap moves forearms through knees, and a sleeve there would push the trousers off the leg. caught: (N) bits
 // of parts.
-void drop_caught(const Sheet &sheet, const Collider &collider, const int32_t *caught, SelfContact &contact);
+void drop_caught(const ContactMesh &mesh, const Collider &collider, const int32_t *caught,
+                 SelfContact &contact);
 
 // Keeps pairs apart on their sides, without a bounce, with friction. step: s.
-void resolve_pairs(const Sheet &sheet, SelfContact &contact, Vec *positions, Vec *velocities,
+void resolve_pairs(const ContactMesh &mesh, SelfContact &contact, Vec *positions, Vec *velocities,
                    const Particles &particles, float step);
 
 }  // namespace uvc

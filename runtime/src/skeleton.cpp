@@ -10,40 +10,40 @@ constexpr double TURN_STEPS = 1 << 24, WAY_STEPS = 1 << 22;
 // Square of an angle, radians, below which its sine and cosine are series.
 constexpr double SMALL = 1e-6;
 
-Turn operator*(const Turn &a, const Turn &b) {
-    Turn product;
+Rotation operator*(const Rotation &a, const Rotation &b) {
+    Rotation product;
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             product.at[i][j] = a.at[i][0] * b.at[0][j] + a.at[i][1] * b.at[1][j] + a.at[i][2] * b.at[2][j];
     return product;
 }
 
-Vec64 operator*(const Turn &a, Vec64 v) {
+Vec64 operator*(const Rotation &a, Vec64 v) {
     return {a.at[0][0] * v.x + a.at[0][1] * v.y + a.at[0][2] * v.z,
             a.at[1][0] * v.x + a.at[1][1] * v.y + a.at[1][2] * v.z,
             a.at[2][0] * v.x + a.at[2][1] * v.y + a.at[2][2] * v.z};
 }
 
-Turn transposed(const Turn &a) {
+Rotation transposed(const Rotation &a) {
     return {{{a.at[0][0], a.at[1][0], a.at[2][0]},
              {a.at[0][1], a.at[1][1], a.at[2][1]},
              {a.at[0][2], a.at[1][2], a.at[2][2]}}};
 }
 
 // Angle, radians, about the vertical that is nearest to a turn.
-double heading_angle(const Turn &a) {
+double heading_angle(const Rotation &a) {
     return __builtin_atan2(a.at[1][0] - a.at[0][1], a.at[0][0] + a.at[1][1]);
 }
 
-Turn about_vertical(double angle) {
+Rotation about_vertical(double angle) {
     double c = __builtin_cos(angle), s = __builtin_sin(angle);
     return {{{c, -s, 0}, {s, c, 0}, {0, 0, 1}}};
 }
 
-Turn heading(const Turn &a) { return about_vertical(heading_angle(a)); }
+Rotation heading(const Rotation &a) { return about_vertical(heading_angle(a)); }
 
 // Axis times angle of a turn, by the quaternion of which the greatest number comes from a root.
-Vec64 axis_angle(const Turn &turn) {
+Vec64 axis_angle(const Rotation &turn) {
     const double(&m)[3][3] = turn.at;
     double trace = m[0][0] + m[1][1] + m[2][2], w, numbers[3];
     if (trace > 0) {
@@ -70,7 +70,7 @@ Vec64 axis_angle(const Turn &turn) {
 }
 
 // The turn by an axis times an angle (Rodrigues).
-Turn turned(Vec64 v) {
+Rotation turned(Vec64 v) {
     double squared = dot(v, v), angle = __builtin_sqrt(squared);
     bool is_small = squared <= SMALL;
     double a = is_small ? 1 - squared / 6 : __builtin_sin(angle) / angle;
@@ -84,7 +84,7 @@ double rounded(double a, double steps) { return __builtin_floor(a * steps + 0.5)
 
 }  // namespace
 
-Vec64 taken(const Rigid &joint, Vec64 point) { return joint.turn * point + joint.shift; }
+Vec64 taken(const RigidTransform &joint, Vec64 point) { return joint.turn * point + joint.shift; }
 
 Skeleton read_skeleton(const Sections &sections, Arena &arena, Failure &failure) {
     Skeleton skeleton;
@@ -103,55 +103,55 @@ Skeleton read_skeleton(const Sections &sections, Arena &arena, Failure &failure)
     return failure.failed ? Skeleton{} : skeleton;
 }
 
-Turn local_turn(const Skeleton &skeleton, const Rigid *transforms, int joint) {
+Rotation local_turn(const Skeleton &skeleton, const RigidTransform *transforms, int joint) {
     return transposed(transforms[skeleton.parents[joint]].turn) * transforms[joint].turn;
 }
 
-Pose read_pose(const Skeleton &skeleton, const Rigid *transforms, Arena &arena) {
-    const Rigid &root = transforms[0];
+Pose read_pose(const Skeleton &skeleton, const RigidTransform *transforms, Arena &arena) {
+    const RigidTransform &root = transforms[0];
     Pose pose{arena.take<Vec64>(skeleton.parents.size), heading(root.turn),
               taken(root, skeleton.heads[0])};
     for (int joint = 0; joint < skeleton.parents.size; joint++) {
-        Turn local = joint ? local_turn(skeleton, transforms, joint) : transposed(pose.heading) * root.turn;
+        Rotation local = joint ? local_turn(skeleton, transforms, joint) : transposed(pose.heading) * root.turn;
         pose.turns[joint] = axis_angle(local);
     }
     return pose;
 }
 
-void way_to(const Skeleton &skeleton, const Pose &pose, double share, Rigid *transforms) {
+void way_to(const Skeleton &skeleton, const Pose &pose, double share, RigidTransform *transforms) {
     double smooth = share * share * (3 - 2 * share);
     Arena work;
     Array<Vec64> places = work.take<Vec64>(skeleton.parents.size);
     for (int joint = 0; joint < skeleton.parents.size; joint++) {
         int parent = skeleton.parents[joint];
-        Turn local = turned(smooth * pose.turns[joint]);
+        Rotation local = turned(smooth * pose.turns[joint]);
         Vec64 head = skeleton.heads[joint];
         places[joint] = pose.root;
         if (parent >= 0)
             places[joint] = places[parent] + transforms[parent].turn * (head - skeleton.heads[parent]);
-        const Turn &above = parent < 0 ? pose.heading : transforms[parent].turn;
+        const Rotation &above = parent < 0 ? pose.heading : transforms[parent].turn;
         transforms[joint].turn = above * local;
         transforms[joint].shift = places[joint] - transforms[joint].turn * head;
     }
 }
 
-GroundFrame ground_frame(const Rigid &root, Vec64 head) {
-    Turn facing = heading(root.turn);
+GroundFrame ground_frame(const RigidTransform &root, Vec64 head) {
+    Rotation facing = heading(root.turn);
     return {facing.at[0][0], facing.at[1][0], taken(root, head)};
 }
 
-double angle_between(const Rigid &before, const Rigid &now) {
+double angle_between(const RigidTransform &before, const RigidTransform &now) {
     Vec64 turn = axis_angle(transposed(before.turn) * now.turn);
     return __builtin_sqrt(dot(turn, turn));
 }
 
-double heading_between(const Rigid &before, const Rigid &now) {
+double heading_between(const RigidTransform &before, const RigidTransform &now) {
     return heading_angle(now.turn * transposed(before.turn));
 }
 
-GroundFrame after_jump(const GroundFrame &place, const Rigid &before, const Rigid &now, Vec64 head, Vec64 way,
-                 double angle) {
-    Turn turn = about_vertical(heading_between(before, now) - angle);
+GroundFrame after_jump(const GroundFrame &place, const RigidTransform &before, const RigidTransform &now,
+                       Vec64 head, Vec64 way, double angle) {
+    Rotation turn = about_vertical(heading_between(before, now) - angle);
     Vec64 origin = taken(now, head) - turn * (taken(before, head) + way);
     bring_back(place, &origin, 1);
     double c = turn.at[0][0], s = turn.at[1][0];
@@ -167,10 +167,10 @@ Vec64 brought_in(const GroundFrame &place, Vec64 point) {
     return {place.cosine * p.x + place.sine * p.y, place.cosine * p.y - place.sine * p.x, p.z};
 }
 
-void bring_in(const GroundFrame &place, Rigid *transforms, int joints) {
-    Turn back{{{place.cosine, place.sine, 0}, {-place.sine, place.cosine, 0}, {0, 0, 1}}};
+void bring_in(const GroundFrame &place, RigidTransform *transforms, int joints) {
+    Rotation back{{{place.cosine, place.sine, 0}, {-place.sine, place.cosine, 0}, {0, 0, 1}}};
     for (int joint = 0; joint < joints; joint++) {
-        Rigid &transform = transforms[joint];
+        RigidTransform &transform = transforms[joint];
         Vec64 shift = brought_in(place, transform.shift);
         transform.turn = back * transform.turn;
         for (auto &row : transform.turn.at)

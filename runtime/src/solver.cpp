@@ -25,7 +25,7 @@ constexpr int RETRIES = 2;
 constexpr double MOST_SUBSTEPS = 1e6;
 
 // Substeps of a frame, and those from one search for cloth, and one for the body's faces, to the next.
-struct Pace {
+struct Substepping {
     int substeps, interval, body_interval;
 };
 
@@ -123,8 +123,8 @@ void put_back(T *to, Array<T> from) {
 int whole(float substeps) { return (int)most(1.0f, least((float)MOST_SUBSTEPS, substeps)); }
 
 // Moves cloth through a frame at a pace. Returns whether it stays together.
-bool move(const Solver &solver, const Material &material, const uvc_motion &motion, Pace pace, Vec *positions,
-          Vec *velocities, ContactCache searched, SelfContact &contact, Arena &work) {
+bool move(const Solver &solver, const Material &material, const uvc_motion &motion, Substepping steps,
+          Vec *positions, Vec *velocities, ContactCache searched, SelfContact &contact, Arena &work) {
     Scope scope(work);
     const Collider &collider = solver.collider;
     const Elastic &elastic = material.elastic;
@@ -133,9 +133,9 @@ bool move(const Solver &solver, const Material &material, const uvc_motion &moti
     Array<Row> rows = work.take<Row>(vertices);
     Array<Force> forces = work.take<Force>(vertices);
     Array<Vec64> rounded = work.take<Vec64>(vertices);
-    contact.boxes = work.take<Box>(solver.sheet.tree.nodes.size);
-    contact.speeds = work.take<Box>(solver.sheet.tree.nodes.size);
-    contact.cones = work.take<Cone>(solver.sheet.tree.nodes.size);
+    contact.boxes = work.take<Box>(solver.mesh.tree.nodes.size);
+    contact.speeds = work.take<Box>(solver.mesh.tree.nodes.size);
+    contact.cones = work.take<NormalCone>(solver.mesh.tree.nodes.size);
     BodySweep sweep =
         begin_sweep(collider, vectors(motion.body_start), vectors(motion.body_end), positions, searched,
                     motion.frame, motion.renewal, work);
@@ -145,7 +145,7 @@ bool move(const Solver &solver, const Material &material, const uvc_motion &moti
     Array<float> watched = work.take<float>(vertices);
     for (int k = 0; k < vertices; k++)
         watched[k] = motion.radius + WATCHED + particles.thickness[k];
-    ProximityQuery watch{velocities, watched.data, (float)pace.body_interval / (float)pace.substeps,
+    ProximityQuery watch{velocities, watched.data, (float)steps.body_interval / (float)steps.substeps,
                          motion.seconds, motion.reach, CLOSE};
     Array<ContactCandidate> found = work.take<ContactCandidate>(collider.parts * vertices);
     Array<Contact> near = work.take<Contact>(collider.parts * vertices), contacts{near.data, 0};
@@ -157,31 +157,31 @@ bool move(const Solver &solver, const Material &material, const uvc_motion &moti
     SelfDistances distances{motion.self_radius, most(motion.self_radius, motion.fold_radius),
                             motion.self_margin};
     Vec wind{motion.drift[0], motion.drift[1], motion.drift[2]};
-    float step = motion.seconds / (float)pace.substeps;
-    for (int substep = 0; substep < pace.substeps; substep++) {
-        float share = (float)(substep + 1) / (float)pace.substeps;
+    float step = motion.seconds / (float)steps.substeps;
+    for (int substep = 0; substep < steps.substeps; substep++) {
+        float share = (float)(substep + 1) / (float)steps.substeps;
         begin_substep(particles, motion, positions, velocities, rows, forces);
         add_membrane_forces(elastic.membrane, rows.data, wind, forces.data);
         if (substep % motion.hinge_interval == 0)
             add_hinge_forces(elastic.hinges, rows.data,
-                             (float)least(motion.hinge_interval, pace.substeps - substep), forces.data);
+                             (float)least(motion.hinge_interval, steps.substeps - substep), forces.data);
         add_pull(particles, motion, pulled, share, positions, velocities, forces);
         integrate(particles, forces, step, positions, velocities, rounded);
         // Where everything is near everything, a search would take for ever.
-        if (substep % pace.interval == 0 && !stays_together(positions, velocities, vertices)) return false;
+        if (substep % steps.interval == 0 && !stays_together(positions, velocities, vertices)) return false;
         if (motion.self_contact) {
-            if (substep % pace.interval == 0) {
-                if (!find_pairs(solver.sheet, positions, velocities, distances, step * (float)pace.interval,
+            if (substep % steps.interval == 0) {
+                if (!find_pairs(solver.mesh, positions, velocities, distances, step * (float)steps.interval,
                                 contact))
                     return false;
-                find_crossings(solver.sheet, positions, contact);
-                if (any_caught) drop_caught(solver.sheet, collider, caught.data, contact);
+                find_crossings(solver.mesh, positions, contact);
+                if (any_caught) drop_caught(solver.mesh, collider, caught.data, contact);
             }
-            resolve_pairs(solver.sheet, contact, positions, velocities, particles, step);
-            resolve_crossings(solver.sheet, contact, positions, particles, step);
+            resolve_pairs(solver.mesh, contact, positions, velocities, particles, step);
+            resolve_crossings(solver.mesh, contact, positions, particles, step);
         }
         if (collider.surface.faces.size == 0) continue;
-        if (substep % pace.body_interval == 0) {
+        if (substep % steps.body_interval == 0) {
             contacts.size = find_near(collider, sweep, share, positions, watch, found, work);
             for (int k = 0; k < contacts.size; k++)
                 contacts[k] = {found[k].vertex, found[k].face, 0, 0, {}, {}, {}};
@@ -197,8 +197,8 @@ bool move(const Solver &solver, const Material &material, const uvc_motion &moti
 
 void read_solver(const Sections &sections, Solver &solver, Failure &failure) {
     Arena &arena = solver.arena;
-    solver.sheet = read_sheet(sections, arena, failure);
-    int vertices = solver.sheet.surface.vertices;
+    solver.mesh = read_contact_mesh(sections, arena, failure);
+    int vertices = solver.mesh.surface.vertices;
     solver.material.elastic = read_elastic(sections, vertices, arena, failure);
     solver.collider = read_collider(sections, "cloth.touches", "cloth.crossed", arena, failure);
     Particles &p = solver.material.particles;
@@ -236,9 +236,9 @@ int step(const Solver &solver, const Material &material, const uvc_motion &motio
     Array<EdgePair> edges = work.copy(contact.edges.items);
     int substeps = most((int)__builtin_ceil(needed_substeps(motion)), 1);
     for (int attempt = 0; attempt <= RETRIES; attempt++, substeps *= 2) {
-        Pace pace{substeps, whole((float)substeps * motion.interval / motion.seconds + 0.5f),
-                  whole((float)substeps * body_interval / motion.seconds)};
-        if (move(solver, material, motion, pace, positions, velocities, searched, contact, work))
+        Substepping steps{substeps, whole((float)substeps * motion.interval / motion.seconds + 0.5f),
+                          whole((float)substeps * body_interval / motion.seconds)};
+        if (move(solver, material, motion, steps, positions, velocities, searched, contact, work))
             return substeps;
         put_back(positions, places);
         put_back(velocities, speeds);

@@ -15,12 +15,12 @@ struct Material {
 
 struct Solver {
     Material material;
-    Sheet sheet;
+    ContactMesh mesh;
     Collider collider;
     Arena arena;
 };
 
-// Reads what `read_elastic`, `read_sheet` and `read_collider` do, and "particles.mass" (N) kg,
+// Reads what `read_elastic`, `read_contact_mesh` and `read_collider` do, and "particles.mass" (N) kg,
 // "particles.weight" (N) the share of the mass on which gravity acts, "particles.thickness" (N) m,
 // "particles.friction" (N).
 void read_solver(const Sections &sections, Solver &solver, Failure &failure);

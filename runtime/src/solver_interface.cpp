@@ -49,13 +49,13 @@ int uvc_edge_pairs(const uvc_pairs *pairs) { return pairs->data.edges.items.size
 void uvc_get_pairs(const uvc_pairs *pairs, int32_t *points, float *sides, int32_t *edges, float *directions) {
     uvc::Vec *ways = reinterpret_cast<uvc::Vec *>(directions);
     for (const uvc::PointPair &pair : pairs->data.points.items) {
-        *points++ = pair.two.first;
-        *points++ = pair.two.second;
+        *points++ = pair.indices.first;
+        *points++ = pair.indices.second;
         *sides++ = pair.side;
     }
     for (const uvc::EdgePair &pair : pairs->data.edges.items) {
-        *edges++ = pair.two.first;
-        *edges++ = pair.two.second;
+        *edges++ = pair.indices.first;
+        *edges++ = pair.indices.second;
         *ways++ = pair.direction;
     }
 }

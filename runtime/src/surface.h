@@ -77,4 +77,14 @@ UVC_INLINE Vec face_normal(const Surface &surface, const Vec *points, int face) 
     return face_normal(surface.faces.at(face), points);
 }
 
+// Whether all of face g is at least a margin, in lengths of the normal, off the plane of face f, on one side.
+UVC_INLINE bool is_off_plane(const Surface &surface, const Vec *points, int f, Vec normal, int g,
+                             float margin) {
+    Vec on_plane = points[surface.faces.at(f).a];
+    Face face = surface.faces.at(g);
+    float a = dot(points[face.a] - on_plane, normal), b = dot(points[face.b] - on_plane, normal);
+    float c = dot(points[face.c] - on_plane, normal);
+    return least(least(a, b), c) >= margin || most(most(a, b), c) <= -margin;
+}
+
 }  // namespace uvc

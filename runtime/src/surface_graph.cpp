@@ -10,40 +10,40 @@ constexpr float FAR = 1e9f;
 // Most vertices near all vertices: damaged outfits may have no lengths.
 constexpr int MOST_SPREAD = 1 << 23;
 
-struct Way {
+struct QueuedVertex {
     float distance;
     int32_t vertex;
 };
 
-// Ways of which the shortest is taken first: a binary heap.
-class Ways {
+// Vertices to go on from, the nearest first: a binary heap.
+class VertexQueue {
   public:
-    Ways(int room, Arena &arena) : ways_(arena.take<Way>(room)) {}
+    VertexQueue(int room, Arena &arena) : queue_(arena.take<QueuedVertex>(room)) {}
 
     bool is_empty() const { return size_ == 0; }
 
-    void add(Way way) {
+    void add(QueuedVertex way) {
         int place = size_++;
-        for (; place > 0 && way.distance < ways_[(place - 1) / 2].distance; place = (place - 1) / 2)
-            ways_[place] = ways_[(place - 1) / 2];
-        ways_[place] = way;
+        for (; place > 0 && way.distance < queue_[(place - 1) / 2].distance; place = (place - 1) / 2)
+            queue_[place] = queue_[(place - 1) / 2];
+        queue_[place] = way;
     }
 
-    Way take() {
-        Way shortest = ways_[0], last = ways_[--size_];
+    QueuedVertex take() {
+        QueuedVertex shortest = queue_[0], last = queue_[--size_];
         int place = 0;
         for (int next = 1; next < size_; next = 2 * place + 1) {
-            if (next + 1 < size_ && ways_[next + 1].distance < ways_[next].distance) next++;
-            if (last.distance <= ways_[next].distance) break;
-            ways_[place] = ways_[next];
+            if (next + 1 < size_ && queue_[next + 1].distance < queue_[next].distance) next++;
+            if (last.distance <= queue_[next].distance) break;
+            queue_[place] = queue_[next];
             place = next;
         }
-        ways_[place] = last;
+        queue_[place] = last;
         return shortest;
     }
 
   private:
-    Array<Way> ways_;
+    Array<QueuedVertex> queue_;
     int size_ = 0;
 };
 
@@ -51,8 +51,10 @@ class Ways {
 class Search {
   public:
     Search(const Graph &graph, Arena &arena)
-        : distance(arena.take<float>(graph.vertices())), graph_(graph),
-          reached_(arena.take<int32_t>(graph.vertices())), ways_(graph.neighbours.size + 1, arena) {
+        : distance(arena.take<float>(graph.vertices())),
+          graph_(graph),
+          reached_(arena.take<int32_t>(graph.vertices())),
+          queue_(graph.neighbours.size + 1, arena) {
         for (float &metres : distance) metres = FAR;
     }
 
@@ -62,9 +64,9 @@ class Search {
         distance[source] = 0;
         reached_[0] = source;
         count_ = 1;
-        ways_.add({0, source});
-        while (!ways_.is_empty()) {
-            Way way = ways_.take();
+        queue_.add({0, source});
+        while (!queue_.is_empty()) {
+            QueuedVertex way = queue_.take();
             if (way.distance > distance[way.vertex]) continue;
             for (int edge = graph_.starts[way.vertex]; edge < graph_.starts[way.vertex + 1]; edge++) {
                 int other = graph_.neighbours[edge];
@@ -72,7 +74,7 @@ class Search {
                 if (longer >= limit || longer >= distance[other]) continue;
                 if (distance[other] == FAR) reached_[count_++] = other;
                 distance[other] = longer;
-                ways_.add({longer, other});
+                queue_.add({longer, other});
             }
         }
         return reached_.part(0, count_);
@@ -84,7 +86,7 @@ class Search {
     const Graph &graph_;
     Array<int32_t> reached_;
     int count_ = 0;
-    Ways ways_;
+    VertexQueue queue_;
 };
 
 }  // namespace
@@ -114,7 +116,7 @@ Graph make_graph(Array<Face> faces, const Vec *rest, int vertices, Arena &arena)
     return {{rings.starts.data, vertices + 1}, {rings.ring.data, lengths.size}, {lengths.data, lengths.size}};
 }
 
-bool along_skin(const Graph &graph, const float *clear, float limit, Spread &spread, Arena &arena) {
+bool along_skin(const Graph &graph, const float *clear, float limit, NeighbourDistances &spread, Arena &arena) {
     Arena work;
     Search search(graph, work);
     spread.starts = arena.take<int32_t>(graph.vertices() + 1);

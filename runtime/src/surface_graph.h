@@ -23,7 +23,7 @@ Graph make_graph(Array<Face> faces, const Vec *rest, int vertices, Arena &arena)
 
 // Vertices near each vertex along the surface, the nearest first, from starts (V + 1) on, and their
 // distances, m.
-struct Spread {
+struct NeighbourDistances {
     Array<int32_t> starts;
     List<int32_t> others;
     List<float> ways;
@@ -31,6 +31,6 @@ struct Spread {
 
 // Finds the vertices within limit, m, of each vertex whose clear (V) m is not negative; distances are less
 // that of clear. Returns whether there are no more than a body may have.
-bool along_skin(const Graph &graph, const float *clear, float limit, Spread &spread, Arena &arena);
+bool along_skin(const Graph &graph, const float *clear, float limit, NeighbourDistances &spread, Arena &arena);
 
 }  // namespace uvc

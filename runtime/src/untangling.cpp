@@ -15,16 +15,12 @@ constexpr float IN_PLANE = 0.05f;
 
 // Whether face g lies on one side of the plane of face f, or touches it.
 bool is_on_one_side(const Surface &surface, const Vec *positions, int f, int g) {
-    Vec on_plane = positions[surface.faces.at(f).a], normal = face_normal(surface, positions, f);
-    Face face = surface.faces.at(g);
-    float a = dot(positions[face.a] - on_plane, normal), b = dot(positions[face.b] - on_plane, normal);
-    float c = dot(positions[face.c] - on_plane, normal);
-    return least(least(a, b), c) >= 0 || most(most(a, b), c) <= 0;
+    return is_off_plane(surface, positions, f, face_normal(surface, positions, f), g, 0);
 }
 
 // Where an edge runs through a face: the share of the way along it, and barycentric coordinates. Returns
 // whether it does.
-bool meet(const Vec *positions, Two edge, Face face, float &share, Vec &weights) {
+bool meet(const Vec *positions, IndexPair edge, Face face, float &share, Vec &weights) {
     Vec start = positions[edge.first], along = positions[edge.second] - start;
     Vec a = positions[face.a] - start, b = positions[face.b] - start, c = positions[face.c] - start;
     float u = dot(along, cross(b, c)), v = dot(along, cross(c, a)), w = dot(along, cross(a, b));
@@ -40,7 +36,7 @@ bool meet(const Vec *positions, Two edge, Face face, float &share, Vec &weights)
 
 // Unit direction of the line where a face meets a plane, from an edge of the face into it; `inner` is the
 // corner that the edge does not have.
-Vec line_from(const Vec *positions, Two edge, int inner, Vec along, Vec plane) {
+Vec line_from(const Vec *positions, IndexPair edge, int inner, Vec along, Vec plane) {
     Vec way = positions[inner] - positions[edge.first], across = way - dot(way, along) * along;
     Vec line = cross(cross(along, across), plane);
     float size = length(line);
@@ -50,15 +46,15 @@ Vec line_from(const Vec *positions, Two edge, int inner, Vec along, Vec plane) {
 
 }  // namespace
 
-void find_crossings(const Sheet &sheet, const Vec *positions, SelfContact &contact) {
-    const Surface &surface = sheet.surface;
-    const BoxTree &tree = sheet.tree;
+void find_crossings(const ContactMesh &mesh, const Vec *positions, SelfContact &contact) {
+    const Surface &surface = mesh.surface;
+    const BoxTree &tree = mesh.tree;
     contact.crossings.clear();
     auto look = [&](int f, int g) {
         Face owner = surface.faces.at(f), face = surface.faces.at(g);
         for (int i = 0; i < 3; i++) {
-            if (!(sheet.owned.at(f) >> (3 + i) & 1)) continue;
-            Two edge{owner[i], owner[(i + 1) % 3]};
+            if (!(mesh.owned.at(f) >> (3 + i) & 1)) continue;
+            IndexPair edge{owner[i], owner[(i + 1) % 3]};
             if (face.has(edge.first) || face.has(edge.second)) continue;
             float share;
             Vec weights;
@@ -72,7 +68,7 @@ void find_crossings(const Sheet &sheet, const Vec *positions, SelfContact &conta
             contact.crossings.add({edge, owner[(i + 2) % 3], beyond, g});
         }
     };
-    for (Two leaf : contact.leaves.items) {
+    for (IndexPair leaf : contact.leaves.items) {
         int f = tree.order.at(tree.nodes.at(leaf.first).first);
         int g = tree.order.at(tree.nodes.at(leaf.second).first);
         if (is_on_one_side(surface, positions, f, g) || is_on_one_side(surface, positions, g, f)) continue;
@@ -81,11 +77,11 @@ void find_crossings(const Sheet &sheet, const Vec *positions, SelfContact &conta
     }
 }
 
-void resolve_crossings(const Sheet &sheet, const SelfContact &contact, Vec *positions,
+void resolve_crossings(const ContactMesh &mesh, const SelfContact &contact, Vec *positions,
                        const Particles &particles, float step) {
     for (const Crossing &crossing : contact.crossings.items) {
-        Face face = sheet.surface.faces.at(crossing.face);
-        Two edge = crossing.edge;
+        Face face = mesh.surface.faces.at(crossing.face);
+        IndexPair edge = crossing.edge;
         float share;
         Vec weights;
         if (!meet(positions, edge, face, share, weights)) continue;

@@ -37,8 +37,8 @@ UVC_INLINE Lanes root(Lanes a) {
 UVC_INLINE Four least(Four a, Four b) { return b < a ? b : a; }
 UVC_INLINE Four most(Four a, Four b) { return b > a ? b : a; }
 
-// Comparisons, and choices by them. Where registers are shorter than eight numbers, gcc compares and chooses one
-// number at a time, unless it is done by halves here.
+// Comparisons, and choices by them. Where registers are shorter than eight numbers, gcc compares and chooses
+// one number at a time, unless it is done by halves here.
 #if defined(__AVX__) || defined(__clang__)
 UVC_INLINE LaneMask is_below(Lanes a, Lanes b) { return a < b; }
 UVC_INLINE LaneMask is_at_most(Lanes a, Lanes b) { return a <= b; }

@@ -113,7 +113,7 @@ UVC_INLINE Lanes with_gain(const TexelGains &gains, int place, Lanes value) {
 }
 
 // Adds maps that are twice as large as `from` between its pixels, to `to` (bilinear).
-void add_enlarged(const Maps &from, const Maps &to) {
+void add_enlarged(const FeatureMaps &from, const FeatureMaps &to) {
     for (int y = 0; y < to.size; y++) {
         int top = y / 2, beside_y = top + (y % 2 ? 1 : -1);
         beside_y = least(most(beside_y, 0), from.size - 1);
@@ -131,7 +131,7 @@ void add_enlarged(const Maps &from, const Maps &to) {
 }
 
 // Scales and limits the inputs where there is cloth; elsewhere they stay 0.
-void scale_inputs(const WrinkleNetwork &network, Maps inputs) {
+void scale_inputs(const WrinkleNetwork &network, FeatureMaps inputs) {
     for (int y = 0; y < inputs.size; y++)
         for (int x = 0; x < inputs.size; x++) {
             float *row = inputs.at(y, x);
@@ -177,15 +177,15 @@ WrinkleNetwork read_wrinkle_network(const Sections &sections, Arena &arena, Fail
     return network;
 }
 
-void run(const WrinkleNetwork &network, Maps inputs, float *displacements, Arena &work) {
+void run(const WrinkleNetwork &network, FeatureMaps inputs, float *displacements, Arena &work) {
     Scope scope(work);
     scale_inputs(network, inputs);
-    Maps begun[MOST_LEVELS], skips[MOST_LEVELS], made = inputs;
+    FeatureMaps begun[MOST_LEVELS], skips[MOST_LEVELS], made = inputs;
     for (int level = 0; level < network.levels; level++) {
         const Kernel &kernel = level ? network.down[level - 1] : network.first;
         int size = network.size >> level, channels = kernel.out;
-        const Maps here = begun[level] = take_maps(size, channels, work);
-        const Maps skip = skips[level] = take_maps(size, channels, work);
+        const FeatureMaps here = begun[level] = take_maps(size, channels, work);
+        const FeatureMaps skip = skips[level] = take_maps(size, channels, work);
         const TexelGains &gains = network.here[level];
         convolve(kernel, made, [&](int y, int x, int channel, Lanes sums) {
             int place = (y * size + x) * channels + channel;
@@ -197,8 +197,8 @@ void run(const WrinkleNetwork &network, Maps inputs, float *displacements, Arena
         made = skip;
     }
     for (int level = network.levels - 2; level >= 0; level--) {
-        const Maps skip = skips[level], to = begun[level];
-        Maps narrow = take_maps(made.size, skip.channels, work);
+        const FeatureMaps skip = skips[level], to = begun[level];
+        FeatureMaps narrow = take_maps(made.size, skip.channels, work);
         convolve(network.narrow[level], made, [&](int y, int x, int channel, Lanes sums) {
             store(narrow.at(y, x) + channel, sums);
         });

@@ -38,6 +38,6 @@ WrinkleNetwork read_wrinkle_network(const Sections &sections, Arena &arena, Fail
 constexpr int INPUTS_ROOM = 24;
 
 // Makes displacements (size^2, DISPLACEMENTS), m, of maps of INPUTS_ROOM channels, which change.
-void run(const WrinkleNetwork &network, Maps inputs, float *displacements, Arena &work);
+void run(const WrinkleNetwork &network, FeatureMaps inputs, float *displacements, Arena &work);
 
 }  // namespace uvc

@@ -99,10 +99,10 @@ WrinkleSheet read_wrinkle_sheet(const Sections &sections, const char *prefix, Ar
     Array<Vec> normals = work.take<Vec>(points);
     Array<Axes> axes = work.take<Axes>(count);
     find_normals(faces, rest.data, normals);
-    sheet.rest_forms = arena.take<Forms>(count);
-    Array<Forms> forms = work.take<Forms>(count);
+    sheet.rest_forms = arena.take<FundamentalForms>(count);
+    Array<FundamentalForms> forms = work.take<FundamentalForms>(count);
     find_forms(sheet, rest.data, normals.data, forms.data, axes.data, work);
-    memcpy(sheet.rest_forms.data, forms.data, sizeof(Forms) * (size_t)count);
+    memcpy(sheet.rest_forms.data, forms.data, sizeof(FundamentalForms) * (size_t)count);
     return sheet;
 }
 
@@ -115,8 +115,8 @@ void find_normals(Array<Face> faces, const Vec *points, Array<Vec> normals) {
     for (Vec &normal : normals) normal = unit(normal);
 }
 
-void find_forms(const WrinkleSheet &sheet, const Vec *points, const Vec *normals, Forms *forms, Axes *axes,
-                Arena &work) {
+void find_forms(const WrinkleSheet &sheet, const Vec *points, const Vec *normals, FundamentalForms *forms,
+                Axes *axes, Arena &work) {
     Scope scope(work);
     Array<Lanes> both = work.room<Lanes>(most(sheet.free.size, 1));
     for (int k = 0; k < sheet.free.size; k++) {
@@ -134,7 +134,7 @@ void find_forms(const WrinkleSheet &sheet, const Vec *points, const Vec *normals
         }
         Vec u = xyz(along_u), v = xyz(along_v), normal_u = next_xyz(along_u), normal_v = next_xyz(along_v);
         float bend[] = {-dot(u, normal_u), -dot(v, normal_v), -0.5f * (dot(u, normal_v) + dot(v, normal_u))};
-        Forms made{{dot(u, u) - 1, dot(v, v) - 1, dot(u, v)}, {}};
+        FundamentalForms made{{dot(u, u) - 1, dot(v, v) - 1, dot(u, v)}, {}};
         for (int k = 0; k < 3; k++) made.bend[k] = bend[k] - sheet.rest_forms[texel].bend[k];
         forms[texel] = made;
         axes[texel] = right_angled(u, v, sheet.sides[texel]);

@@ -9,7 +9,7 @@ namespace uvc {
 
 // Entries 00, 11 and 01 of two symmetric tensors on the axes of the texture: strain, the first fundamental form
 // less the unit matrix, and bending, 1/m, the second one less that at rest.
-struct Forms {
+struct FundamentalForms {
     float strain[3], bend[3];
 };
 
@@ -36,7 +36,7 @@ struct WrinkleSheet {
     Array<int32_t> texels, slope_starts, slope_points, beside, sources;
     Array<Vec> shares, rest;
     Array<float> slopes, sides, free;
-    Array<Forms> rest_forms;
+    Array<FundamentalForms> rest_forms;
     Array<PlaneTurn> turns;
     Refined refined;
     Rings rings;
@@ -54,8 +54,8 @@ WrinkleSheet read_wrinkle_sheet(const Sections &sections, const char *prefix, Ar
                                 Array<Face> faces, int size, Arena &arena, Failure &failure);
 
 // Finds forms and axes (P) at the texels of a garment at points (U), m, with unit normals (U).
-void find_forms(const WrinkleSheet &sheet, const Vec *points, const Vec *normals, Forms *forms, Axes *axes,
-                Arena &work);
+void find_forms(const WrinkleSheet &sheet, const Vec *points, const Vec *normals, FundamentalForms *forms,
+                Axes *axes, Arena &work);
 
 // Unit normals (U) of cloth at points (U), m: means of faces by their areas.
 void find_normals(Array<Face> faces, const Vec *points, Array<Vec> normals);

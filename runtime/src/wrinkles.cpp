@@ -53,16 +53,16 @@ Vec limited(Vec a, float limit) { return {limited(a.x, limit), limited(a.y, limi
 // A garment in a frame: forms and axes (P) at its texels, and at its points (U) the specific force, m/s2, and
 // the skin.
 struct Frame {
-    Array<Forms> forms;
+    Array<FundamentalForms> forms;
     Array<Axes> axes;
     Array<Vec> force;
     Array<NearSkin> near;
 };
 
 // A row of the network's inputs at a texel.
-void write_row(const WrinkleSheet &sheet, const Frame &frame, const Forms &before, float rate, int texel,
-               float *row) {
-    Forms forms = frame.forms[texel];
+void write_row(const WrinkleSheet &sheet, const Frame &frame, const FundamentalForms &before, float rate,
+               int texel, float *row) {
+    FundamentalForms forms = frame.forms[texel];
     Face f = sheet.corners[texel];
     Vec shares = sheet.shares[texel], rest = sheet.rest[texel];
     Vec force = weighted(shares, frame.force[f.a], frame.force[f.b], frame.force[f.c]);
@@ -99,9 +99,9 @@ void turn_row(const float *from, PlaneTurn turn, float *row) {
 }
 
 // Maps of the network's inputs, with the pixels beside charts filled across seams.
-Maps make_inputs(const WrinkleSheet &sheet, const Frame &frame, const Forms *before, float rate, int size,
-                 Arena &work) {
-    Maps maps = take_maps(size, INPUTS_ROOM, work);
+FeatureMaps make_inputs(const WrinkleSheet &sheet, const Frame &frame, const FundamentalForms *before,
+                        float rate, int size, Arena &work) {
+    FeatureMaps maps = take_maps(size, INPUTS_ROOM, work);
     auto place = [&](int pixel) { return maps.at(pixel / size, pixel % size); };
     for (int k = 0; k < sheet.count(); k++)
         write_row(sheet, frame, before[k], rate, k, place(sheet.texels[k]));
@@ -140,7 +140,7 @@ Array<Vec> spread(const WrinkleSheet &sheet, const Axes *axes, const float *disp
 
 // Shares (U) of displacements that are shown: none where the garment is folded onto itself, where both sides
 // would go through each other, and few around it.
-Array<float> find_shares(const WrinkledGarment &garment, const Beside *beside, Arena &work) {
+Array<float> find_shares(const WrinkledGarment &garment, const NearCloth *beside, Arena &work) {
     int count = garment.sheet.free.size;
     Array<float> shares = work.room<float>(count), before = work.room<float>(count);
     for (int k = 0; k < count; k++) shares[k] = beside[k].open;
@@ -160,7 +160,7 @@ Array<float> find_shares(const WrinkledGarment &garment, const Beside *beside, A
 // Displaces the smooth refined surface by shares of offsets; towards the skin, or another garment that is
 // closer, only up to planes, which between points are those between theirs.
 void displace(const WrinkleSheet &sheet, const Vec *points, const float *thickness, const NearSkin *near,
-              const Beside *beside, Array<float> shares, Array<Vec> offsets, Vec *vertices, Arena &work) {
+              const NearCloth *beside, Array<float> shares, Array<Vec> offsets, Vec *vertices, Arena &work) {
     Array<Lanes> known = work.room<Lanes>(most(shares.size, 1));
     for (int k = 0; k < shares.size; k++) {
         NearSkin plane{near[k].away - thickness[k], near[k].outward};
@@ -232,13 +232,13 @@ Wrinkles read_wrinkles(const Sections &sections, Arena &arena, Failure &failure)
 
 size_t memory_size(const Wrinkles &wrinkles) {
     size_t points = (size_t)wrinkles.points, texels = (size_t)wrinkles.texels;
-    return 4 + points * (2 * sizeof(Vec) + 4) + texels * (sizeof(Forms) + 4 * DISPLACEMENTS);
+    return 4 + points * (2 * sizeof(Vec) + 4) + texels * (sizeof(FundamentalForms) + 4 * DISPLACEMENTS);
 }
 
 WrinkleMemory lay_out(const Wrinkles &wrinkles, void *bytes) {
     int32_t *frames = static_cast<int32_t *>(bytes), *faces = frames + 1;
     Vec *points = reinterpret_cast<Vec *>(faces + wrinkles.points), *velocities = points + wrinkles.points;
-    Forms *forms = reinterpret_cast<Forms *>(velocities + wrinkles.points);
+    FundamentalForms *forms = reinterpret_cast<FundamentalForms *>(velocities + wrinkles.points);
     return {frames, points, velocities, faces, forms, reinterpret_cast<float *>(forms + wrinkles.texels)};
 }
 
@@ -273,7 +273,7 @@ void wrinkle(const Wrinkles &wrinkles, const WrinkleMemory &memory, const Vec *p
         int count = sheet.free.size, texels = sheet.count();
         const Vec *here = points + garment.points;
         Vec *before = memory.points + garment.points, *velocities = memory.velocities + garment.points;
-        Frame frame{work.room<Forms>(texels), work.room<Axes>(texels), work.room<Vec>(count),
+        Frame frame{work.room<FundamentalForms>(texels), work.room<Axes>(texels), work.room<Vec>(count),
                     work.room<NearSkin>(count)};
         search.find_near(here, count, *memory.frames, SKIN_REACH, memory.faces + garment.points,
                          frame.near.data);
@@ -285,10 +285,10 @@ void wrinkle(const Wrinkles &wrinkles, const WrinkleMemory &memory, const Vec *p
             before[k] = here[k];
         }
         find_forms(sheet, here, normals.data + garment.points, frame.forms.data, frame.axes.data, work);
-        Forms *forms = memory.forms + garment.texels;
-        const Forms *last = is_first ? frame.forms.data : forms;
-        Maps inputs = make_inputs(sheet, frame, last, rate, wrinkles.network.size, work);
-        memcpy(forms, frame.forms.data, sizeof(Forms) * (size_t)texels);
+        FundamentalForms *forms = memory.forms + garment.texels;
+        const FundamentalForms *last = is_first ? frame.forms.data : forms;
+        FeatureMaps inputs = make_inputs(sheet, frame, last, rate, wrinkles.network.size, work);
+        memcpy(forms, frame.forms.data, sizeof(FundamentalForms) * (size_t)texels);
         Array<float> made = work.room<float>(DISPLACEMENTS * wrinkles.network.size * wrinkles.network.size);
         run(wrinkles.network, inputs, made.data, work);
         float *shown = memory.displacements + DISPLACEMENTS * garment.texels;
@@ -298,9 +298,9 @@ void wrinkle(const Wrinkles &wrinkles, const WrinkleMemory &memory, const Vec *p
                 kept = now + stays * (kept - now);
             }
         Array<Vec> offsets = spread(sheet, frame.axes.data, shown, wrinkles.gain, work);
-        Array<Beside> beside = work.room<Beside>(count);
-        find_beside(wrinkles.cloth, points, normals.data, garment.points, garment.points + count,
-                    beside.data, work);
+        Array<NearCloth> beside = work.room<NearCloth>(count);
+        find_near_cloth(wrinkles.cloth, points, normals.data, garment.points, garment.points + count,
+                        beside.data, work);
         displace(sheet, here, wrinkles.thickness.data + garment.points, frame.near.data, beside.data,
                  find_shares(garment, beside.data, work), offsets, vertices + garment.vertices, work);
     }

@@ -1,7 +1,7 @@
 // Wrinkles: folds that cages are too coarse for, which a network displaces a finer mesh by.
 #pragma once
 
-#include "cloth_beside.h"
+#include "near_cloth.h"
 #include "wrinkle_network.h"
 #include "wrinkle_sheet.h"
 
@@ -36,7 +36,7 @@ struct WrinkleMemory {
     int32_t *frames;
     Vec *points, *velocities;
     int32_t *faces;
-    Forms *forms;
+    FundamentalForms *forms;
     float *displacements;
 };
 

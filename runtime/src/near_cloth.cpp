@@ -1,4 +1,4 @@
-#include "cloth_beside.h"
+#include "near_cloth.h"
 
 #include "lanes.h"
 
@@ -115,13 +115,13 @@ float rises(float from, float to, float at) { return clamp((at - from) / (to - f
 
 }  // namespace
 
-void find_beside(const Cloth &cloth, const Vec *points, const Vec *normals, int first, int last, Beside *beside,
-                 Arena &work) {
+void find_near_cloth(const Cloth &cloth, const Vec *points, const Vec *normals, int first, int last,
+                     NearCloth *beside, Arena &work) {
     Scope scope(work);
     Grid grid(cloth, points, work);
     for (int k = first; k < last; k++) {
         int garment = cloth.garments[k];
-        Beside one = {1, {BESIDE_REACH, {}}};
+        NearCloth one = {1, {BESIDE_REACH, {}}};
         float nearest = BESIDE_REACH * BESIDE_REACH;
         grid.each_beside(points[k], cloth.rest[k], garment, [&](int other, float squared) {
             if (cloth.garments[other] == garment) {

@@ -13,7 +13,7 @@ struct Cloth {
 
 // A point with other cloth around it. open: 1 where the garment faces none of its own cloth, 0 where it lies
 // on it. other: the closest other garment, as if it were skin; the reach and nothing if none is near.
-struct Beside {
+struct NearCloth {
     float open;
     NearSkin other;
 };
@@ -21,7 +21,7 @@ struct Beside {
 // Finds what lies beside points of cloth, m, from `first` up to `last`, with unit normals. The points of the
 // fold's both sides are further apart at rest than BESIDE_REACH.
 constexpr float BESIDE_REACH = 0.025f;
-void find_beside(const Cloth &cloth, const Vec *points, const Vec *normals, int first, int last, Beside *beside,
-                 Arena &work);
+void find_near_cloth(const Cloth &cloth, const Vec *points, const Vec *normals, int first, int last,
+                     NearCloth *beside, Arena &work);
 
 }  // namespace uvc
