@@ -11,6 +11,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import body_frames, side_by_side, with_lead
+from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
@@ -46,6 +47,12 @@ class _PreparedOnce(Physics):
 
 
 FAST, DEFAULT = _PreparedOnce(PhysicsConfig("fast")), _PreparedOnce(PhysicsConfig())
+
+
+def test_coarser_cages_give_way_to_compression_as_longer_strips_do() -> None:
+    fast, default = PhysicsConfig("fast").compression, PhysicsConfig().compression
+    assert fast / default == pytest.approx((QUALITIES["default"] / QUALITIES["fast"]) ** 2)
+    assert replace(PhysicsConfig(), buckling=1.0).compression == 1.0
 
 
 @pytest.fixture(scope="module")

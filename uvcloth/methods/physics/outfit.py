@@ -35,14 +35,22 @@ CAGE_RENEWAL = 4
 class PhysicsConfig:
     """Settings of the solver on cages.
 
-    quality: of the cages, a key of QUALITIES. compression: share of the membrane's stiffness that is left
-    where compression begins, because a coarse face cannot buckle as fine cloth does.
+    quality: of the cages, a key of QUALITIES. buckling: m, length of the longest edges that are as stiff in
+    compression as in tension: longer ones cannot buckle as fine cloth does.
     """
 
     quality: str = "default"
-    compression: float = 0.3
+    buckling: float = 0.018
     damping: Damping = field(default_factory=Damping)
     settings: Settings = field(default_factory=lambda: Settings(renewal=CAGE_RENEWAL, interval=CAGE_INTERVAL))
+
+    @property
+    def compression(self) -> float:
+        """Share of the membrane's stiffness that is left where compression begins.
+
+        It falls with the square of the edge length, as the load does under which a strip buckles (Euler).
+        """
+        return min(1.0, (self.buckling / QUALITIES[self.quality]) ** 2)
 
 
 @dataclass(frozen=True)
