@@ -4,6 +4,9 @@ namespace uvc {
 
 namespace {
 
+// Pixels across the smallest maps that are made by tiles.
+constexpr int LEAST_TILED = 4;
+
 // Largest map and most channels, and products of a frame, with which a network still takes a second.
 constexpr int LARGEST_SIZE = 512, MOST_CHANNELS = 512;
 constexpr int64_t MOST_PRODUCTS = 1ll << 31;
@@ -33,14 +36,22 @@ struct Reader {
     Array<float> weights, biases, gains;
     int weight = 0, bias = 0, gain = 0;
 
-    Kernel kernel(int size, int stride, int in, int out, Arena &arena) {
+    // A kernel that makes maps of pixels x pixels.
+    Kernel kernel(int size, int stride, int in, int out, int pixels, Arena &arena) {
         int rows = size * size, room = padded(in);
-        Kernel kernel{size, stride, room, padded(out), {}, arena.take<float>(padded(out))};
-        kernel.weights = arena.take<float>(rows * room * kernel.out);
+        Kernel kernel{size, stride, room, padded(out), {}, arena.take<float>(padded(out)), {}};
         for (int k = 0; k < out; k++) kernel.bias[k] = biases[bias++];
-        for (int k = 0; k < rows * in * out; k++) {
+        Array<float> own = weights.part(weight, weight + rows * in * out);
+        weight += own.size;
+        if (size > 1 && pixels % TILE == 0 && pixels >= LEAST_TILED) {
+            if (stride == 1) put_at_points<1>(own, in, out, kernel, arena);
+            if (stride == 2) put_at_points<2>(own, in, out, kernel, arena);
+            return kernel;
+        }
+        kernel.weights = arena.take<float>(rows * room * kernel.out);
+        for (int k = 0; k < own.size; k++) {
             int row = k / out / in * room + k / out % in;
-            kernel.weights[place_of(kernel, row, k % out)] = weights[weight++];
+            kernel.weights[place_of(rows * room, kernel.out, row, k % out)] = own[k];
         }
         return kernel;
     }
@@ -54,16 +65,6 @@ struct Reader {
             made.offsets[place] = gains[2 * gain + 1];
         }
         return made;
-    }
-
-    // Where the weight of a row of channels in and of a channel out is.
-    static int place_of(const Kernel &kernel, int row, int out) {
-        int channel = 0, count = kernel.size * kernel.size * kernel.in;
-        for (;;) {
-            int block = LANES * lanes_of_block((kernel.out - channel) / LANES);
-            if (out < channel + block) return channel * count + row * block + out - channel;
-            channel += block;
-        }
     }
 };
 
@@ -164,13 +165,16 @@ WrinkleNetwork read_wrinkle_network(const Sections &sections, Arena &arena, Fail
     reader.biases = read_floats(sections, "wrinkles.biases", (int)counts.biases, 1, work, failure);
     reader.gains = read_floats(sections, "wrinkles.gains", (int)counts.gains, 2, work, failure);
     if (failure.failed) return {};
-    network.first = reader.kernel(1, 1, INPUTS, widths[0], arena);
-    int last = network.levels - 1;
-    for (int k = 0; k < last; k++) network.down[k] = reader.kernel(4, 2, widths[k], widths[k + 1], arena);
-    for (int k = 0; k <= last; k++) network.across[k] = reader.kernel(3, 1, widths[k], widths[k], arena);
-    for (int k = 0; k < last; k++) network.narrow[k] = reader.kernel(1, 1, widths[k + 1], widths[k], arena);
-    for (int k = 0; k < last; k++) network.up[k] = reader.kernel(3, 1, widths[k], widths[k], arena);
-    network.last = reader.kernel(3, 1, widths[0], DISPLACEMENTS, arena);
+    int last = network.levels - 1, size = network.size;
+    network.first = reader.kernel(1, 1, INPUTS, widths[0], size, arena);
+    for (int k = 0; k < last; k++)
+        network.down[k] = reader.kernel(4, 2, widths[k], widths[k + 1], size >> (k + 1), arena);
+    for (int k = 0; k <= last; k++)
+        network.across[k] = reader.kernel(3, 1, widths[k], widths[k], size >> k, arena);
+    for (int k = 0; k < last; k++)
+        network.narrow[k] = reader.kernel(1, 1, widths[k + 1], widths[k], size >> (k + 1), arena);
+    for (int k = 0; k < last; k++) network.up[k] = reader.kernel(3, 1, widths[k], widths[k], size >> k, arena);
+    network.last = reader.kernel(3, 1, widths[0], DISPLACEMENTS, size, arena);
     for (int k = 0; k <= last; k++)
         network.here[k] = reader.texel_gains(network.size >> k, widths[k], arena);
     network.end = reader.texel_gains(network.size, widths[0], arena);
@@ -187,11 +191,11 @@ void run(const WrinkleNetwork &network, FeatureMaps inputs, float *displacements
         const FeatureMaps here = begun[level] = take_maps(size, channels, work);
         const FeatureMaps skip = skips[level] = take_maps(size, channels, work);
         const TexelGains &gains = network.here[level];
-        convolve(kernel, made, [&](int y, int x, int channel, Lanes sums) {
+        convolve(kernel, made, work, [&](int y, int x, int channel, Lanes sums) {
             int place = (y * size + x) * channels + channel;
             store(here.at(y, x) + channel, silu(with_gain(gains, place, sums)));
         });
-        convolve(network.across[level], here, [&](int y, int x, int channel, Lanes sums) {
+        convolve(network.across[level], here, work, [&](int y, int x, int channel, Lanes sums) {
             store(skip.at(y, x) + channel, load(here.at(y, x) + channel) + silu(sums));
         });
         made = skip;
@@ -199,11 +203,11 @@ void run(const WrinkleNetwork &network, FeatureMaps inputs, float *displacements
     for (int level = network.levels - 2; level >= 0; level--) {
         const FeatureMaps skip = skips[level], to = begun[level];
         FeatureMaps narrow = take_maps(made.size, skip.channels, work);
-        convolve(network.narrow[level], made, [&](int y, int x, int channel, Lanes sums) {
+        convolve(network.narrow[level], made, work, [&](int y, int x, int channel, Lanes sums) {
             store(narrow.at(y, x) + channel, sums);
         });
         add_enlarged(narrow, skip);
-        convolve(network.up[level], skip, [&](int y, int x, int channel, Lanes sums) {
+        convolve(network.up[level], skip, work, [&](int y, int x, int channel, Lanes sums) {
             store(to.at(y, x) + channel, load(skip.at(y, x) + channel) + silu(sums));
         });
         made = to;
@@ -215,7 +219,7 @@ void run(const WrinkleNetwork &network, FeatureMaps inputs, float *displacements
                 int place = (y * network.size + x) * made.channels + k;
                 store(numbers, with_gain(network.end, place, load(numbers)));
             }
-    convolve(network.last, made, [&](int y, int x, int channel, Lanes sums) {
+    convolve(network.last, made, work, [&](int y, int x, int channel, Lanes sums) {
         int place = DISPLACEMENTS * (y * network.size + x);
         for (int k = channel; k < least(channel + LANES, DISPLACEMENTS); k++) {
             float value = (sums[k - channel] + network.mean[place + k]) * network.output[k];

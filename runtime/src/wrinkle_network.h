@@ -1,8 +1,8 @@
 // The network of wrinkles: a small U-Net from maps of what is known of a surface to what is missing there.
 #pragma once
 
-#include "convolution.h"
 #include "sections.h"
+#include "tiles.h"
 
 namespace uvc {
 

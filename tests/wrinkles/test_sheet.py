@@ -135,3 +135,8 @@ def test_a_chart_that_is_too_small_is_refused() -> None:
     small = replace(mesh, uvs=mesh.uvs * 0.04)
     with pytest.raises(InputError, match=r"2 of the 2 charts .* fewer than 4 texels at 64 x 64"):
         Sheet.of(garment(small), SIZE)
+
+
+def test_a_mesh_that_is_finer_than_the_maps_is_refused() -> None:
+    with pytest.raises(InputError, match=r"mesh is finer than the maps, 1225 vertices .* for \d+ texels at 16 x 16"):
+        Sheet.of(garment(strip()), 16)

@@ -20,6 +20,9 @@ from uvcloth.wrinkles.seams import SeamPadding, seam_padding
 FEWEST_TEXELS = 4
 """Texels of the smallest chart on which wrinkles can lie."""
 
+MOST_VERTICES = 4
+"""Vertices of the refined mesh for each texel of displacements at most: edges of half a texel."""
+
 
 @dataclass(frozen=True)
 class Sheet:
@@ -49,8 +52,8 @@ class Sheet:
     def of(cls, garment: Garment, size: int) -> "Sheet":
         """Lay a garment out; displacements are on H = W = size texels, inputs on half as many each way.
 
-        Raises InputError for a garment without texture coordinates, and for one with a chart of fewer than
-        FEWEST_TEXELS texels.
+        Raises InputError for a garment without texture coordinates, for one with a chart of fewer than
+        FEWEST_TEXELS texels, and for one with more than MOST_VERTICES vertices for each texel.
         """
         mesh = garment.mesh
         if not len(mesh.uvs):
@@ -67,6 +70,12 @@ class Sheet:
             )
         texels, quarters = _halved(fine)
         refined = Refined.of(mesh)
+        vertices = len(refined.mesh.vertices)
+        if vertices > MOST_VERTICES * len(fine):
+            raise InputError(
+                f"garment {garment.name}: its mesh is finer than the maps, {vertices} vertices with wrinkles "
+                f"for {len(fine)} texels at {size} x {size}"
+            )
         face, barycentrics = _refined_places(joined, refined)
         sampler = sample_points(layout, fine, joined.faces, face, barycentrics)
         slopes, sides = _slopes(joined, mesh, texels)
