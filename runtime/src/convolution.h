@@ -27,7 +27,7 @@ UVC_INLINE FeatureMaps take_maps(int size, int channels, Arena &arena) {
 // every pixel or at every second one (stride 2), as wide maps or half as wide.
 //
 // weights: blocks of as many channels out as `lanes_of_block` says; in each, row by row, the weights of all
-// channels in. bias: of each channel out. at_points: what `convolve_tiles` has in their place, if it is to be used.
+// channels in. bias: of each channel out. at_points: what `convolve_tiles` has in their place, if it is used.
 struct Kernel {
     int size, stride, in, out;
     Array<float> weights, bias, at_points;
@@ -65,8 +65,8 @@ UVC_INLINE void store_register(float *numbers, Register stored) {
     __builtin_memcpy(numbers, &stored, sizeof(stored));
 }
 
-// Adds, to sums, the products of `count` values, of rows that are `step` apart, with weights of some registers of
-// channels.
+// Adds, to sums, the products of `count` values, of rows that are `step` apart, with weights of some registers
+// of channels.
 template <int BLOCK, int COUNT>
 UVC_INLINE void add_products(const float *values, int step, int count, const float *weights,
                              Register (&sums)[COUNT][BLOCK]) {

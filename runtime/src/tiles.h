@@ -9,10 +9,10 @@ namespace uvc {
 constexpr int TILE = 4;
 
 // Tiles that are computed together, so that what lies between stays in the cache.
-constexpr int STRIP = 16;
+constexpr int STRIP = 8;
 
-// A kernel of 3 x 3 pixels (STRIDE 1), or of 4 x 4 at every second one (STRIDE 2), which is one of 2 x 2 on each of
-// the four maps of pixels that are even or odd: PHASES of TAPS x TAPS, and POINTS^2 products for a tile.
+// A kernel of 3 x 3 pixels (STRIDE 1), or of 4 x 4 at every second one (STRIDE 2), which is one of 2 x 2 on
+// each of the four maps of pixels that are even or odd: PHASES of TAPS x TAPS; POINTS^2 products for a tile.
 template <int STRIDE> struct Tiling {
     static constexpr int PHASES = STRIDE * STRIDE, TAPS = STRIDE == 1 ? 3 : 2, POINTS = TILE + TAPS - 1;
 };
@@ -58,12 +58,15 @@ UVC_INLINE void from_points(const Register *m, int step, Register *sums, int ste
     sums[3 * step_sums] = other + 8.0f * other_far + last;
 }
 
-// Weights of products, one point after another, in blocks as `Kernel` has them, of a kernel's weights, row by row,
-// each channel in, each channel out.
-template <int STRIDE> void put_at_points(Array<float> weights, int in, int out, Kernel &kernel, Arena &arena) {
+// Weights of products, one point after another, in blocks as `Kernel` has them, of a kernel's weights, row by
+// row, each channel in, each channel out.
+template <int STRIDE>
+void put_at_points(Array<float> weights, int in, int out, Kernel &kernel, Arena &arena) {
     using Tiles = Tiling<STRIDE>;
     constexpr int POINTS = Tiles::POINTS, TAPS = Tiles::TAPS;
-    auto at = [](int point, int tap) { return STRIDE == 1 ? AT_POINTS_3[point][tap] : AT_POINTS_2[point][tap]; };
+    auto at = [](int point, int tap) {
+        return STRIDE == 1 ? AT_POINTS_3[point][tap] : AT_POINTS_2[point][tap];
+    };
     int depth = Tiles::PHASES * kernel.in;
     kernel.at_points = arena.take<float>(POINTS * POINTS * depth * kernel.out);
     for (int point = 0; point < POINTS * POINTS; point++)

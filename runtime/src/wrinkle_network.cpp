@@ -4,9 +4,6 @@ namespace uvc {
 
 namespace {
 
-// Pixels across the smallest maps that are made by tiles.
-constexpr int LEAST_TILED = 4;
-
 // Largest map and most channels, and products of a frame, with which a network still takes a second.
 constexpr int LARGEST_SIZE = 512, MOST_CHANNELS = 512;
 constexpr int64_t MOST_PRODUCTS = 1ll << 31;
@@ -43,7 +40,7 @@ struct Reader {
         for (int k = 0; k < out; k++) kernel.bias[k] = biases[bias++];
         Array<float> own = weights.part(weight, weight + rows * in * out);
         weight += own.size;
-        if (size > 1 && pixels % TILE == 0 && pixels >= LEAST_TILED) {
+        if (size > 1 && pixels % TILE == 0) {
             if (stride == 1) put_at_points<1>(own, in, out, kernel, arena);
             if (stride == 2) put_at_points<2>(own, in, out, kernel, arena);
             return kernel;
