@@ -18,7 +18,7 @@ struct FeatureMaps {
 
 UVC_INLINE int padded(int channels) { return (channels + LANES - 1) / LANES * LANES; }
 
-// FeatureMaps of zeros.
+// Maps of zeros.
 UVC_INLINE FeatureMaps take_maps(int size, int channels, Arena &arena) {
     return {arena.take<float>((size + 2) * (size + 2) * channels).data, size, channels};
 }
@@ -105,8 +105,8 @@ UVC_INLINE int place_of(int rows, int channels, int row, int out) {
 
 // Convolves some pixels in a row, from (y, x) on, of a block of so many registers of channels.
 template <int BLOCK, int COUNT, class Finish>
-UVC_INLINE void convolve_pixels(const Kernel &kernel, const FeatureMaps &from, const float *weights, int y, int x,
-                                int channel, Finish finish) {
+UVC_INLINE void convolve_pixels(const Kernel &kernel, const FeatureMaps &from, const float *weights, int y,
+                                int x, int channel, Finish finish) {
     Register sums[COUNT][BLOCK];
     for (int pixel = 0; pixel < COUNT; pixel++)
         for (int k = 0; k < BLOCK; k++)
@@ -122,7 +122,8 @@ UVC_INLINE void convolve_pixels(const Kernel &kernel, const FeatureMaps &from, c
 
 // Convolves maps, and gives the sums of eight channels of each pixel to finish(y, x, channel, sums), which
 // stores them.
-template <class Finish> void convolve_directly(const Kernel &kernel, const FeatureMaps &from, Finish finish) {
+template <class Finish>
+void convolve_directly(const Kernel &kernel, const FeatureMaps &from, Finish finish) {
     int size = from.size / kernel.stride;
     for_blocks(kernel.out, kernel.size * kernel.size * kernel.in, kernel.weights.data,
                [&]<int BLOCK>(int channel, const float *weights) {

@@ -192,7 +192,8 @@ void convolve_tiles(const Kernel &kernel, const FeatureMaps &from, Finish finish
 }
 
 // Convolves maps by tiles, if the kernel has weights for them, or directly.
-template <class Finish> void convolve(const Kernel &kernel, const FeatureMaps &from, Arena &work, Finish finish) {
+template <class Finish>
+void convolve(const Kernel &kernel, const FeatureMaps &from, Arena &work, Finish finish) {
     if (!kernel.at_points.size)
         convolve_directly(kernel, from, finish);
     else if (kernel.stride == 1)

@@ -138,5 +138,5 @@ def test_a_chart_that_is_too_small_is_refused() -> None:
 
 
 def test_a_mesh_that_is_finer_than_the_maps_is_refused() -> None:
-    with pytest.raises(InputError, match=r"mesh is finer than the maps, 1225 vertices .* for \d+ texels at 16 x 16"):
+    with pytest.raises(InputError, match=r"finer than the maps, 1225 vertices .* for \d+ texels at 16 x 16"):
         Sheet.of(garment(strip()), 16)
