@@ -8,6 +8,9 @@ from torch import Tensor
 
 from rasterize.gather import gather
 
+EMBREE_SIZE = 100.0
+"""Diagonal of the box of a mesh in Embree's units."""
+
 
 @dataclass(frozen=True)
 class Hits:
@@ -64,11 +67,17 @@ def cast_rays(
 
 def _first_hits(origins: Tensor, directions: Tensor, vertices: Tensor, faces: Tensor) -> Hits:
     """Nearest hit along each unit direction (R, 3), the barycentrics computed in float64."""
-    from trimesh import Trimesh
-    from trimesh.ray.ray_pyembree import RayMeshIntersector
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
 
-    mesh = Trimesh(vertices.double().numpy(), faces.numpy(), process=False)
-    first = RayMeshIntersector(mesh).intersects_first(origins.double().numpy(), directions.numpy())
+    points = vertices.double().numpy()
+    # Embree has float32: the mesh is moved to a corner of its box, and enlarged, for its rounding.
+    corner, used = points.min(0), points[np.unique(faces.numpy())]
+    scale = EMBREE_SIZE / float(np.linalg.norm(np.ptp(used, 0)) or 1.0)
+    scene = EmbreeScene()
+    TriangleMesh(scene, ((points - corner) * scale).astype(np.float32), faces.int().numpy())
+    starts = ((origins.float().double().numpy() - corner) * scale).astype(np.float32)
+    first = scene.run(starts, directions.float().numpy())
     face = torch.from_numpy(np.asarray(first, dtype=np.int64))
     a, b, c = vertices.double()[faces[face.clamp(min=0)]].unbind(1)
     normal = torch.linalg.cross(b - a, c - a)
