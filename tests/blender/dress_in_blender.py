@@ -4,6 +4,7 @@ Dresses a character in an artist's own meshes, on an armature that is somewhere 
 """
 
 import json
+import os
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -267,3 +268,5 @@ bpy.ops.preferences.addon_disable(module="bl_ext.user_default.uvcloth")
 said["child_left"] = process.poll() is None
 np.savez(FOLDER / "arrays.npz", **arrays)
 (FOLDER / "said.json").write_text(json.dumps(said), encoding="utf-8")
+sys.stdout.flush()
+os._exit(0)  # Blender 4.2 by itself crashes at the end of a Python in which its glTF exporter ran.

@@ -4,6 +4,7 @@ Does in Blender what an artist would, and writes what came of it to FOLDER/array
 """
 
 import json
+import os
 import signal
 import sys
 from functools import partial
@@ -233,3 +234,5 @@ said["gone"] = [fault(), armature.uvcloth.live]
 
 np.savez(FOLDER / "arrays.npz", **arrays)
 (FOLDER / "said.json").write_text(json.dumps(said), encoding="utf-8")
+sys.stdout.flush()
+os._exit(0)  # Blender 4.2 by itself crashes at the end of a Python in which its glTF exporter ran.
