@@ -47,6 +47,10 @@ class GarmentEntry(bpy.types.PropertyGroup):
         name="Pins",
         description="Vertex group of vertices that stay on the body, beside what holds it or alone",
     )
+    bone: bpy.props.StringProperty(
+        name="Pin Bone",
+        description="Bone: vertices whose closest skin follows it most stay on the body, as those of Pins",
+    )
     into: bpy.props.PointerProperty(
         name="Tucked into",
         type=bpy.types.Object,

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from mathutils.kdtree import KDTree
 from numpy.typing import NDArray
 
 from . import surface
@@ -45,8 +46,8 @@ def send(
     for entry, name in zip(entries, names, strict=True):
         if entry.hold != "FOUND":
             holds.append(f"{name}:{entry.hold.lower()}")
-        if entry.pins:
-            write_pins(entry.part, entry.pins, folder / f"{name}.txt")
+        if entry.pins or entry.bone:
+            write_pins(entry, armature, skins, folder / f"{name}.txt")
             holds.append(f"{name}:{name}.txt")
     if holds:
         words += ["--hold", *holds]
@@ -65,8 +66,16 @@ def plain_names(names: Sequence[str]) -> list[str]:
     return plain
 
 
-def write_pins(garment: Any, group: str, path: Path) -> None:
-    """Write the numbers of the vertices in a vertex group. Raises ValueError if it is gone or empty."""
+def write_pins(entry: Any, armature: Any, skins: Sequence[Any], path: Path) -> None:
+    """Write the numbers of the vertices that a garment's vertex group and bone pin. Raises ValueError."""
+    pinned = set(_in_group(entry.part, entry.pins) if entry.pins else ())
+    if entry.bone:
+        pinned.update(near_bone(entry.part, armature, skins, entry.bone))
+    path.write_text("\n".join(map(str, sorted(pinned))), encoding="utf-8")
+
+
+def _in_group(garment: Any, group: str) -> list[int]:
+    """Vertices of a vertex group. Raises ValueError if it is gone or empty."""
     index = garment.vertex_groups.find(group)
     if index < 0:
         raise ValueError(
@@ -79,7 +88,32 @@ def write_pins(garment: Any, group: str, path: Path) -> None:
     ]
     if not pinned:
         raise ValueError(f"no vertex of {garment.name} is pinned: vertex group {group} is empty")
-    path.write_text("\n".join(map(str, pinned)), encoding="utf-8")
+    return pinned
+
+
+def near_bone(garment: Any, armature: Any, skins: Sequence[Any], bone: str) -> list[int]:
+    """Vertices of a garment at rest whose closest vertex of the skin follows a bone more than any other.
+
+    Raises ValueError if there are none, or no such bone.
+    """
+    bones = armature.data.bones
+    if bone not in bones:
+        raise ValueError(f"{armature.name} has no bone {bone} any more: choose another one for the pins")
+    tree = KDTree(sum(len(skin.data.vertices) for skin in skins))
+    follows: list[bool] = []
+    for skin in skins:
+        names = [group.name for group in skin.vertex_groups]
+        for vertex in skin.data.vertices:
+            weights = {names[entry.group]: entry.weight for entry in vertex.groups}
+            strongest = max((name for name in weights if name in bones), key=weights.__getitem__, default="")
+            tree.insert(skin.matrix_world @ vertex.co, len(follows))
+            follows.append(strongest == bone)
+    tree.balance()
+    world = garment.matrix_world
+    pinned = [vertex.index for vertex in garment.data.vertices if follows[tree.find(world @ vertex.co)[1]]]
+    if not pinned:
+        raise ValueError(f"no vertex of {garment.name} is pinned: none lies on skin of bone {bone}")
+    return pinned
 
 
 def skin_meshes(context: Any, armature: Any) -> list[Any]:

@@ -125,6 +125,7 @@ def draw_garments(layout: Any, armature: Any) -> None:
     worn.prop(entry, "fabric")
     worn.prop(entry, "hold")
     worn.prop_search(entry, "pins", entry.part, "vertex_groups")
+    worn.prop_search(entry, "bone", armature.data, "bones")
     worn.prop(entry, "into")
     if entry.row < 0 and armature.uvcloth.live:
         layout.label(text="Dress to make it live", icon="INFO")

@@ -150,6 +150,9 @@ pinned = skirt.vertex_groups.new(name="pinned")
 settings.garments[0].pins = "pinned"
 refused()  # No vertex is pinned.
 settings.garments[0].pins = ""
+settings.garments[0].bone = "Nose"
+refused()  # No such bone.
+settings.garments[0].bone = ""
 skirt.vertex_groups.remove(pinned)
 said["untouched"] = [modifier.type for modifier in skirt.modifiers], armature.uvcloth.file
 
@@ -197,6 +200,9 @@ settings.garments[0].fabric = "denim"
 waist = skirt.vertex_groups.new(name="waist")
 waist.add(np.flatnonzero(made[:, 2] > made[:, 2].max() - 0.03).tolist(), 1.0, "REPLACE")
 settings.garments[0].pins = "waist"
+skins = sending.skin_meshes(bpy.context, armature)
+for bone in ("LeftArm", "Spine"):
+    arrays[f"near_{bone}"] = vertices(tops)[sending.near_bone(tops, armature, skins, bone)]
 armature.pose.bones[0].location = armature.pose.bones[0].location  # Posed, not at rest, while it is sent.
 said["names"] = sending.plain_names(["a 2", "a", "a", "A 3", "."])
 said["dressed"] = driven(dressing.Dress, ["MOUSEMOVE"])

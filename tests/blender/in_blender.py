@@ -128,6 +128,12 @@ scene.frame_start, scene.frame_end = 0, end
 arrays["rendered"] = np.stack(rendered)
 bpy.app.handlers.render_post.clear()
 
+# The unit in which lengths are shown moves no cloth.
+scene.unit_settings.scale_length, scene.unit_settings.length_unit = 0.01, "CENTIMETERS"
+live.SESSIONS.clear()
+arrays["in_centimetres"] = played(FRAMES)
+scene.unit_settings.scale_length = 1.0
+
 # Undo takes back what was done, and cloth goes on.
 bpy.ops.ed.undo_push(message="before")
 armature.location = (5.0, 0.0, 0.0)

@@ -63,6 +63,13 @@ def test_garments_of_one_name_have_files_of_their_own(dressed: Done) -> None:
     assert dressed.said["names"] == ["a_2", "a", "a_3", "A_3_3", "garment"]
 
 
+def test_a_bone_pins_the_cloth_on_its_skin(dressed: Done) -> None:
+    sleeve, trunk = (dressed.arrays[f"near_{bone}"][:, 0] for bone in ("LeftArm", "Spine"))
+    assert min(len(sleeve), len(trunk)) > 100
+    assert sleeve.min() > 0.1
+    assert np.abs(trunk).max() < 0.25
+
+
 def test_a_fit_is_shown_taken_back_or_accepted(dressed: Done) -> None:
     begun, ended, (report,), _ = dressed.said["fitted"]
     assert (begun, ended) == ("RUNNING_MODAL", "FINISHED")
@@ -128,6 +135,7 @@ def test_what_cannot_be_dressed_is_refused_in_a_sentence(dressed: Done) -> None:
         "has no visible skin",
         "negative scale",
         "vertex group pinned is empty",
+        "has no bone Nose any more",
     )
     for sentence, words in zip(dressed.said["refused"], expected, strict=True):
         assert words in sentence

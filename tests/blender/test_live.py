@@ -95,6 +95,10 @@ def test_cloth_is_between_its_frames_where_motion_blur_asks(done: Done) -> None:
     assert off.mean() < 0.2 * apart(first, last).mean()
 
 
+def test_the_unit_of_the_scene_moves_no_cloth(done: Done) -> None:
+    assert (done.arrays["in_centimetres"] == done.arrays["played"]).all()
+
+
 def test_undo_takes_back_and_the_cloth_goes_on(done: Done) -> None:
     assert done.said["undone"] == [0.0, 0.0, 0.0]
     assert (done.arrays["undone"] == done.arrays["played"]).all()
