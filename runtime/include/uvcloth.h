@@ -121,8 +121,8 @@ UVC_API void uvc_lift(const uvc_clearing *clearing, float *cloth, float clearanc
 
 /* --- Wrinkles: folds on finer meshes, which a network makes ---------------------------------------------- */
 
-/* A network and the garments that it makes wrinkles on, P points and n vertices of finer meshes in all. Immutable:
- * any number of threads may use it. */
+/* A network and the garments that it makes wrinkles on, P points and n vertices of finer meshes in all.
+ * Immutable: any number of threads may use it. */
 typedef struct uvc_wrinkles uvc_wrinkles;
 
 /* Reads wrinkles, as uvc_read_clearing reads an outfit. */

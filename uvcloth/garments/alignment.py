@@ -15,6 +15,7 @@ from torch import Tensor
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.errors import InputError
 from uvcloth.garments.boundaries import boundaries
+from uvcloth.garments.judge import CLOTHED
 from uvcloth.garments.placing import (
     ACROSS_COST,
     AXES,
@@ -36,9 +37,6 @@ UPS = {
     "Z": ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)),
 }
 """Rotation of a file with the usual front of its up axis to Z up, facing -Y."""
-
-CLOTHED = ("torso", "upper_arm", "thigh")
-"""Regions that most of the cloth is over."""
 
 SIDES = ("left", "right")
 

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
+from uvcloth.garments.relaxation import LARGEST_STEP, PASSES
 from uvcloth.geometry.mesh import Mesh, WeldedMesh, edge_lengths, neighbour_average, unique_edges, welded
 from uvcloth.physics.shell import Shell
 from uvcloth.physics.strain_limiter import StrainLimiter
@@ -36,14 +37,11 @@ MOST_SURFACES = 4
 PAST = 1e-4
 """Metres past a surface from where a ray goes on."""
 
-ROUNDS, OUTWARDS, PASSES = 14, 7, 12
-"""Rounds, the first of them in which garments only move out, and passes over the edges in each."""
+ROUNDS, OUTWARDS = 14, 7
+"""Rounds, and the first of them in which garments only move out."""
 
 FINAL_ROUNDS = 3
 """Rounds at the end that even out no edges."""
-
-LARGEST_STEP = 0.01
-"""Metres that cloth moves in a round, at most."""
 
 LEAST_MOVED = 0.0005
 """Metres below which a move is not reported."""
