@@ -108,7 +108,7 @@ def draw_pairs(films: Sequence[Film]) -> list[tuple[int, int]]:
 def filmed(case: Case, garments: Tensor) -> bytes:
     """An MP4 of garments (F, N, 3) m, all as one, on the body of a case."""
     body = case.outfit.body
-    meshes = [(each.mesh.vertices, each.mesh.faces) for each in case.outfit.garments]
+    meshes = [(garment.mesh.vertices, garment.mesh.faces) for garment in case.outfit.garments]
     faces = join_meshes(meshes).faces
     colors = torch.cat(
         [
@@ -139,6 +139,8 @@ def video_of(pictures: Iterable[np.ndarray], fps: float) -> bytes:
 def _dressed(case: Case, entrants: Sequence[Entrant]) -> Iterator[tuple[str, Tensor]]:
     """Yield the name of the simulation and of each method, with its garments (F, N, 3) m, finished."""
     yield SIMULATION, case.truth
-    for each in entrants:
-        method = (played(case, each, each.folder) if isinstance(each, Prediction) else each).method
-        yield each.name, rolled_out(case, prepare_rollout(method, case.outfit))[1]
+    for entrant in entrants:
+        method = (
+            played(case, entrant, entrant.folder) if isinstance(entrant, Prediction) else entrant
+        ).method
+        yield entrant.name, rolled_out(case, prepare_rollout(method, case.outfit))[1]

@@ -78,7 +78,7 @@ def rank(answers: Sequence[Vote]) -> list[Ranked]:
     of neither is half a win for both.
     """
     names = sorted(set(chain.from_iterable((each.left, each.right) for each in answers)))
-    people = [each.person for each in answers]
+    people = [answer.person for answer in answers]
     units = people if len(set(people)) > 1 else list(range(len(answers)))
     # Wins of one method over another, for each unit that is resampled.
     wins = np.zeros((max(units) + 1, len(names), len(names)))

@@ -116,7 +116,7 @@ def measured(
     judged: Sequence[JudgedCase], entrants: Sequence[Entrant], people: Mapping[str, str]
 ) -> dict[str, Any]:
     """The fields of metrics.json on the methods and the simulation. people: subjects by clip."""
-    names = (SIMULATION, *(each.name for each in entrants))
+    names = (SIMULATION, *(entrant.name for entrant in entrants))
     entries = {
         name: [
             PartScores(case.shown.action, part, scores, case.shown.clip)

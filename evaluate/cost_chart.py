@@ -194,7 +194,7 @@ def cost_chart(
     plot = Plot.of(points, floors, (LEFT, RIGHT, TOP, bottom), logarithmic)
     parts = [open_chart(WIDTH, bottom + 34, title, left=0), *plot.grid(unit), *map(plot.line, floors)]
     parts.append(f'<text class="unit" x="{RIGHT}" y="{bottom + 28}" text-anchor="end">ms a frame</text>')
-    named = [(*plot.place(each.value, each.ms), f"{each.name} {each.says}") for each in points]
+    named = [(*plot.place(point.value, point.ms), f"{point.name} {point.says}") for point in points]
     named += [(float(RIGHT), plot.up.at(floor.value), floor.says) for floor in floors]
     named.sort(key=lambda name: name[1])
     for (x, y, says), row in zip(named, _spread([y for _, y, _ in named], bottom), strict=True):

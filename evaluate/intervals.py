@@ -52,7 +52,7 @@ def clip_figures(scores: Sequence[Any], stages: Sequence[str]) -> dict[str, floa
     """The figures of one clip, over the scores per frame of its windows."""
 
     def mean(key: str) -> float | None:
-        values = [each[key] for each in scores if key in each]
+        values = [score[key] for score in scores if key in score]
         return float(np.concatenate(values).mean(dtype=np.float64)) if values else None
 
     return {

@@ -90,7 +90,7 @@ def judge(
         part.name: {
             **scored.parts[part.name],
             **more.get(part.name, {}),
-            **energy_scores([each[:, part.rows] for each in rollouts], part.reference),
+            **energy_scores([rollout[:, part.rows] for rollout in rollouts], part.reference),
         }
         for part in case.parts
     }

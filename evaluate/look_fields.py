@@ -109,7 +109,7 @@ def _forces(windows: Sequence[Scores], clips: Sequence[str], stage: str) -> dict
 
 def _largest(windows: Sequence[Scores], stage: str) -> float | None:
     """Mean over windows of the largest acceleration."""
-    peaks = [values.max() for each in windows if len(values := each[f"peak_acceleration{stage}"])]
+    peaks = [values.max() for window in windows if len(values := window[f"peak_acceleration{stage}"])]
     return float(torch.stack(peaks).mean()) if peaks else None
 
 
@@ -122,7 +122,7 @@ def _mean(windows: Sequence[Scores], key: str) -> float | None:
 
 def _values(windows: Sequence[Scores], key: str) -> Tensor:
     """The values of a score of the windows that have it."""
-    having = [each[key].double() for each in windows if key in each]
+    having = [window[key].double() for window in windows if key in window]
     return torch.cat(having) if having else torch.zeros(0).double()
 
 

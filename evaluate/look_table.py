@@ -98,7 +98,7 @@ def _figures(actions: Mapping[str, Any], garment: str, suffix: str) -> list[str]
     """The figures of a row. suffix: of the fields."""
     columns = [keys for group in GROUPS.values() for keys in group.values()]
     values = [[overall(actions, garment, key + suffix) for key in keys] for keys in columns]
-    return [_pair(*each) if len(each) == 2 else number(*each) for each in values]
+    return [_pair(*value) if len(value) == 2 else number(*value) for value in values]
 
 
 def _pair(ratio: float | None, correlation: float | None) -> str:

@@ -69,7 +69,7 @@ def ensemble_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]
     if not reference.members:
         return {}
     members = (reference.vertices, *reference.members)
-    distances = torch.stack([distance_scores(vertices, each)["vertex_mean_mm"] for each in members])
+    distances = torch.stack([distance_scores(vertices, member)["vertex_mean_mm"] for member in members])
     return {
         "ensemble_mm": distances.mean(0),
         "nearest_member_mm": distances[distances.mean(1).argmin()],

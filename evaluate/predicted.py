@@ -131,7 +131,7 @@ def judge_prediction(case: Case, prediction: Prediction) -> CaseScores:
     """
     files = [find_file(prediction.folder, window.path.stem) for window in case.windows]
     times = [read_milliseconds(path) for path in files if path]
-    spent = None if None in times else sum(each for each in times if each is not None)
+    spent = None if None in times else sum(time for time in times if time is not None)
     first, *others = [played(case, prediction, folder) for folder in prediction.rollouts(case.windows)]
     return judge(case, first, live=False, others=others, spent_ms=spent)
 

@@ -34,7 +34,7 @@ class Recorded(Method):
     def of(cls, name: str, motion: Tensor, garments: Sequence[Tensor]) -> Self:
         """A recording of garments (T, N, 3) m, world, over joint transforms (T, J, 3, 4)."""
         roots = motion[:, 0]
-        local = [_from_root(roots[: len(each)], each) for each in garments]
+        local = [_from_root(roots[: len(garment)], garment) for garment in garments]
         return cls(name, _from_root(motion[:1, 0], motion[:1, :, :, 3])[0], tuple(local))
 
     def prepare(self, outfit: Outfit, device: torch.device) -> tuple[()]:
@@ -53,7 +53,7 @@ class Recorded(Method):
         roots = frames.transforms[:, -1, 0]
         rotations, places = roots[..., :3], roots[:, None, :, 3]
         return state + 1, tuple(
-            each[state] @ rotations.transpose(1, 2) + places.to(each) for each in self.garments
+            garment[state] @ rotations.transpose(1, 2) + places.to(garment) for garment in self.garments
         )
 
 

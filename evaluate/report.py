@@ -253,7 +253,7 @@ def _chance(rows: Sequence[Standing]) -> tuple[list[str], list[list[str]]]:
         for row in rows
     ]
     titles = [title for title in cells[0] if any(each[title] != DASH for each in cells)] if cells else []
-    return titles, [[each[title] for title in titles] for each in cells]
+    return titles, [[cell[title] for title in titles] for cell in cells]
 
 
 def _feeds_back(results: Results) -> bool:

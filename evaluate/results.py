@@ -155,7 +155,9 @@ def _tables(entries: Sequence[PartScores], simulation: Sequence[PartScores]) -> 
         "clips": {part: _by_clip([each for each in entries if each.part == part]) for part in parts},
         **{
             f"stop_energy_mj_kg{stage}": {
-                part: _over_time([each[key] for each in windows if (key := f"stop_energy{stage}") in each])
+                part: _over_time(
+                    [window[key] for window in windows if (key := f"stop_energy{stage}") in window]
+                )
                 for part, windows in parts.items()
             }
             for stage in STAGE_SUFFIXES
@@ -260,7 +262,7 @@ def _cell(entries: Sequence[PartScores], true: Sequence[PartScores]) -> dict[str
         cell |= swing(scores, stage) | _chance(scores, stage)
         cell |= look_fields(scores, simulation, clips, stage)
     cell |= turned_fields(scores)
-    if any(f"swing_speed{MEMBER_SUFFIX}" in each for each in scores):
+    if any(f"swing_speed{MEMBER_SUFFIX}" in score for score in scores):
         cell |= _member_fields(entries)
     if all("network_ms" in each for each in scores):
         network, contact = _mean(scores, "network_ms"), _mean(scores, "contact_ms")
@@ -275,7 +277,7 @@ def swing(scores: Sequence[Scores], stage: str = "") -> dict[str, float | None]:
     """
 
     def total(key: str) -> float:
-        return float(torch.cat([each[f"{key}{stage}"] for each in scores]).double().sum())
+        return float(torch.cat([score[f"{key}{stage}"] for score in scores]).double().sum())
 
     speed, squares = total("true_swing_speed"), total("swing_square") * total("true_swing_square")
     return {
@@ -297,7 +299,7 @@ def _chance(scores: Sequence[Scores], stage: str) -> dict[str, float | None]:
     spread_ratio: the mean distance from the members over their distance from each other. energy_score_mm:
     over the windows with several rollouts.
     """
-    energy = [each for each in scores if "energy_score_mm" in each]
+    energy = [score for score in scores if "energy_score_mm" in score]
     scores = [each for each in scores if f"ensemble_mm{stage}" in each]
     ensemble, nearest = (
         _mean(scores, f"{key}{stage}") if scores else None for key in ("ensemble_mm", "nearest_member_mm")
@@ -313,7 +315,7 @@ def _chance(scores: Sequence[Scores], stage: str) -> dict[str, float | None]:
 
 def _mean(scores: Sequence[Scores], key: str) -> float:
     """The mean of one score over all frames; 0 without any."""
-    values = torch.cat([each[key] for each in scores]).double()
+    values = torch.cat([score[key] for score in scores]).double()
     return float(values.mean()) if len(values) else 0.0
 
 

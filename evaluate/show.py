@@ -70,7 +70,9 @@ class Shown:
     @property
     def faces(self) -> Tensor:
         """Faces (M, 3) of all garments as one mesh."""
-        return join_meshes((each.mesh.vertices, each.mesh.faces) for each in self.outfit.garments).faces
+        return join_meshes(
+            (garment.mesh.vertices, garment.mesh.faces) for garment in self.outfit.garments
+        ).faces
 
     @property
     def mean_speed(self) -> float:

@@ -30,7 +30,9 @@ def band_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
     """
     if len(vertices) < 4:
         return {}
-    velocities, truth = (each.double().flatten(1).numpy() for each in swing_velocities(vertices, reference))
+    velocities, truth = (
+        swing_velocity.double().flatten(1).numpy() for swing_velocity in swing_velocities(vertices, reference)
+    )
     count, fps = len(velocities), reference.fps
     segments = max(1, round(2.0 * count / (fps * SEGMENT_SECONDS) - 1.0))
     length = 2 * count // (segments + 1)

@@ -119,7 +119,9 @@ def _progress(path: Path, saved: Mapping[str, Any]) -> Progressed:
     if not (0 <= saved["step"] <= 10**9 and 0 <= saved["epochs"] <= 1e9 and 0 <= saved["seconds"] <= 1e9):
         raise InputError(f"{path}: its length is impossible, {saved['step']} steps in {saved['seconds']:g} s")
     for scores in saved["errors"]:
-        if not {"step", "minutes"} < scores.keys() or not all(is_a(each, float) for each in scores.values()):
+        if not {"step", "minutes"} < scores.keys() or not all(
+            is_a(score, float) for score in scores.values()
+        ):
             raise InputError(f"{path}: a validation in the training state has no step, minutes and scores")
     return Progressed(saved["step"], saved["epochs"], saved["seconds"], best, saved["errors"])
 

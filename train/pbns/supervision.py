@@ -59,7 +59,7 @@ def settle_poses(
     """
     if not config.settled:
         return None
-    outfit = replace(outfit, garments=tuple(replace(each, fabric=fabric) for each in outfit.garments))
+    outfit = replace(outfit, garments=tuple(replace(garment, fabric=fabric) for garment in outfit.garments))
     splits = {split: database.of(split).transforms(outfit.body.skeleton) for split in ("train", "validation")}
     counts = {"train": config.settled, "validation": max(1, config.settled // HELD_SHARE)}
     rows = {split: _spread(len(poses), counts[split]) for split, poses in splits.items()}

@@ -130,7 +130,7 @@ class PhysXNetObjective(Objective):
                 (each.body, of_split(clips, "train"))
                 for each, (_, clips) in zip(self.wearers, worn, strict=True)
             ],
-            [each.prepared for each in self.wearers],
+            [wearer.prepared for wearer in self.wearers],
             self.shared,
             "training frames",
         )
@@ -298,8 +298,10 @@ class PhysXNetObjective(Objective):
     def _rollout_errors(self, method: Method, on: Callable[[Correspondences], Any]) -> dict[str, float]:
         """Mean vertex errors, mm, of a method over the validation clips; on: prepares it for a body."""
         names, distances = self.config.templates, defaultdict[str, list[Tensor]](list)
-        for each in self.wearers:
-            errors = rollout_distances(method, on(each.prepared), each.body, names, each.clips, self.device)
+        for wearer in self.wearers:
+            errors = rollout_distances(
+                method, on(wearer.prepared), wearer.body, names, wearer.clips, self.device
+            )
             for name, values in errors.items():
                 distances[name] += values
         return mean_errors(distances)

@@ -68,7 +68,7 @@ class RunStatistics:
     @classmethod
     def of(cls, network: RecurrentNetwork) -> "RunStatistics":
         """The statistics that a network was trained with."""
-        return cls(**{each.name: getattr(network, each.name) for each in fields(cls)})
+        return cls(**{field.name: getattr(network, field.name) for field in fields(cls)})
 
     def to(self, device: torch.device) -> "RunStatistics":
         """The statistics on a device."""

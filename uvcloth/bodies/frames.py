@@ -58,7 +58,7 @@ def side_by_side(frames: Sequence[BodyFrames]) -> BodyFrames:
     return BodyFrames(
         body=frames[0].body,
         fps=frames[0].fps,
-        transforms=torch.cat([each.transforms for each in frames]),
+        transforms=torch.cat([frame.transforms for frame in frames]),
         vertices=torch.cat([each.vertices for each in frames]),
         velocity=torch.cat([each.velocity for each in frames]),
         acceleration=torch.cat([each.acceleration for each in frames]),

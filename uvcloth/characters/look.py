@@ -19,7 +19,7 @@ def polygons_of_parts(
 
     corners: (F, 3) vertices, part after part. materials: of the character's file, by name.
     """
-    used = [materials[each] for each in dict.fromkeys(part.material for part in parts) if each in materials]
+    used = [materials[key] for key in dict.fromkeys(part.material for part in parts) if key in materials]
     row_of = {material.name: row for row, material in enumerate(used)}
     rows = [np.full(len(part.mesh.faces), row_of.get(part.material, -1)) for part in parts]
     return Polygons(

@@ -329,7 +329,7 @@ def _data_folders(folder: Path, out: Path, made: str) -> list[Path]:
         raise InputError(f"{out}: is the input folder itself, name another output folder")
     parts = data_folders(folder)
     if out.resolve().is_relative_to(folder.resolve()):
-        parts = [each for each in parts if not each.resolve().is_relative_to(out.resolve())]
+        parts = [part for part in parts if not part.resolve().is_relative_to(out.resolve())]
     if not parts:
         raise InputError(f"{folder}: no sequence (*.npz) {made} in this folder")
     return parts

@@ -123,7 +123,7 @@ def put_in_place(partials: Sequence[Partial]) -> list[tuple[Path, ...]]:
             if isinstance(error, OSError):
                 raise _cannot_write(target, error) from error
             raise
-    return [tuple(target for _, target, _ in each) for each in moves]
+    return [tuple(target for _, target, _ in move) for move in moves]
 
 
 def _moves(partial: Partial) -> list[tuple[Path, Path, Path]]:

@@ -243,12 +243,12 @@ class _Possible:
 
 def _options(command: Any, prefix: str = "") -> Iterator[tuple[str, Any, list[Rule]]]:
     """Name ("" of a positional one), value and rules of every option that has a value."""
-    for each in fields(command):
-        value, notes = getattr(command, each.name), getattr(each.type, "__metadata__", ())
+    for field in fields(command):
+        value, notes = getattr(command, field.name), getattr(field.type, "__metadata__", ())
         if is_dataclass(value):
-            yield from _options(value, "" if WITHOUT_PREFIX in notes else f"{prefix}{each.name}.")
+            yield from _options(value, "" if WITHOUT_PREFIX in notes else f"{prefix}{field.name}.")
         elif value is not None:
-            name = "" if POSITIONAL in notes else f"--{prefix}{each.name}".replace("_", "-")
+            name = "" if POSITIONAL in notes else f"--{prefix}{field.name}".replace("_", "-")
             yield name, value, [note for note in notes if hasattr(note, "refusal")]
 
 

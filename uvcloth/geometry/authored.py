@@ -102,7 +102,7 @@ class Polygons:
             self,
             sizes=sizes,
             corners=self.corners[corners],
-            uv_sets=tuple(replace(each, corners=each.corners[corners]) for each in self.uv_sets),
+            uv_sets=tuple(replace(uv_set, corners=uv_set.corners[corners]) for uv_set in self.uv_sets),
             objects=self.objects.select(rows),
             groups=self.groups.select(rows),
             materials=tuple(self.materials[index] for index in kept[first:]),

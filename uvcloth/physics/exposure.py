@@ -54,7 +54,7 @@ class SurfaceSample:
     def oriented(self, vertices: Tensor) -> tuple[Tensor, Tensor]:
         """Points and the unit normals of their faces, (P, 3) each, on posed vertices (V, 3) m."""
         arrays = (vertices, self.corners.int(), self.barycentrics)
-        points, normals = sample(*(each.detach().cpu().numpy() for each in arrays))
+        points, normals = sample(*(array.detach().cpu().numpy() for array in arrays))
         return torch.from_numpy(points).to(vertices.device), torch.from_numpy(normals).to(vertices.device)
 
     def in_tiles(self, vertices: Tensor) -> Tensor:

@@ -105,7 +105,7 @@ class Obstacle:
         touches, points = (each.detach().cpu().numpy() for each in (garment.touches, vertices))
         nearest = self._parts.nearest(touches, points, reach, exact, SQUEEZE_GAP)
         results = nearest.distances, nearest.normals, nearest.offsets, nearest.gaps
-        return Skin(*(torch.from_numpy(each).to(vertices.device) for each in results))
+        return Skin(*(torch.from_numpy(result).to(vertices.device) for result in results))
 
     def skins(self, frames: Tensor, garment: ContactGarment, body_frames: Tensor) -> Iterator[Skin]:
         """Yield the nearest skin of a garment's vertices (F, N, 3) m on the body (F, V, 3) m, by frame.

@@ -83,7 +83,7 @@ class OutfitClearing:
         size, closed = beside_adults(body), make_collider(body)
         rest = body.mesh.vertices / size
         garments = tuple(welded(mesh.vertices, mesh.faces) for mesh in meshes)
-        sized = [(each.points / size, each.faces) for each in garments]
+        sized = [(garment.points / size, garment.faces) for garment in garments]
         joined = join_meshes(sized)
         others = [] if cages is None else [(cages.vertices / size, cages.faces)]
         both = join_meshes([(joined.vertices, joined.faces), *others])

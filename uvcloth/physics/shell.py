@@ -47,5 +47,7 @@ class Shell:
         starts, ways = (each.detach().cpu().numpy() for each in (points, directions))
         hits = self._moving.first_hits(starts, ways, reach)
         results = hits.distances, hits.cosines, hits.faces, hits.weights
-        distance, facing, faces, barycentrics = (torch.from_numpy(each).to(points.device) for each in results)
+        distance, facing, faces, barycentrics = (
+            torch.from_numpy(result).to(points.device) for result in results
+        )
         return distance, facing, faces.long(), barycentrics

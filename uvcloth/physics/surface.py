@@ -51,7 +51,7 @@ class BodySurface:
         closest = self._moving.signed_distances(0, points.detach().cpu().numpy(), max_distance)
         results = closest.distances, closest.places, closest.normals, closest.faces, closest.weights
         distance, places, normals, faces, weights = (
-            torch.from_numpy(each).to(points.device) for each in results
+            torch.from_numpy(result).to(points.device) for result in results
         )
         return SurfacePoints(distance, places, normals, faces.long(), weights)
 

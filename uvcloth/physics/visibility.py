@@ -46,7 +46,7 @@ class VisibilityTest:
 
     def sees_any(self, points: Tensor) -> bool:
         """True if one of the points (P, 3) m is seen from any side."""
-        return any(bool(self._sees_along(points, each).any()) for each in self._turns(points))
+        return any(bool(self._sees_along(points, turn).any()) for turn in self._turns(points))
 
     def sees(self, points: Tensor) -> Tensor:
         """Mask (P,) of the points (P, 3) m that are seen from any side."""

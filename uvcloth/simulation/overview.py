@@ -90,7 +90,7 @@ def _table(index: Mapping[str, Entry], kept: list[Stored]) -> Table:
     for column in table.columns[1:]:
         column.justify = "right"
     for split, sequences in rows.items():
-        clips = {each.metadata["clip"] for each in sequences}
+        clips = {sequence.metadata["clip"] for sequence in sequences}
         people = {_subject(index, each) for each in sequences} - {""}
         entries = [entry for entry in index.values() if entry.split == split]
         table.add_row(
@@ -121,7 +121,7 @@ def _split(index: Mapping[str, Entry], each: Stored) -> str:
 
 
 def _frames(sequences: Iterable[Stored]) -> int:
-    return sum(each.metadata.get("scored_frames", 0) for each in sequences)
+    return sum(sequence.metadata.get("scored_frames", 0) for sequence in sequences)
 
 
 def _body(each: Stored) -> str:

@@ -63,8 +63,8 @@ def fit_person(keypoints: Keypoints, body: Body, size: tuple[int, int], view: fl
     headings = torch.arange(HEADINGS) * (2 * math.pi / HEADINGS)
     poses, place = search.starts(headings)
     unknowns = [search.prior.whitened(poses), headings[:, None].clone(), place]
-    for each in unknowns:
-        each.requires_grad_(True)
+    for unknown in unknowns:
+        unknown.requires_grad_(True)
     optimizer = torch.optim.Adam(unknowns, RATE)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, STEPS)
     for _ in range(STEPS):

@@ -222,7 +222,7 @@ class Viewer:
         self._floor.move(place)
         transforms = torch.cat([frame.transforms[..., :3], frame.transforms[..., 3:] - place[:, None]], -1)
         values = self._values(quantity, frame, simulated)
-        self._actors[0].move(transforms, [each - place for each in frame.garments], values, largest)
+        self._actors[0].move(transforms, [garment - place for garment in frame.garments], values, largest)
         if simulated is not None:
             stretched = [measure(simulated[0]) for measure in self._stretches]
             values = stretched if quantity is STRETCH else None

@@ -52,7 +52,7 @@ def pack_recurrent(rig: RecurrentRig) -> bytes:
         tick=TICK,
         strangest=STRANGEST,
         stillSteps=STILL_STEPS,
-        memory=[each.network.memory for each in rig.networks],
+        memory=[network.network.memory for network in rig.networks],
     )
 
 

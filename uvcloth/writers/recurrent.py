@@ -32,7 +32,7 @@ class _Frame(nn.Module):
     def __init__(self, rig: RecurrentRig, rigged: Rigged) -> None:
         super().__init__()
         self.rig, self.code = rig, rigged.code
-        self.networks = nn.ModuleList(each.network for each in rig.networks)
+        self.networks = nn.ModuleList(network.network for network in rig.networks)
 
     def forward(self, joints: Tensor, memory: Tensor, seconds: Tensor) -> tuple[Tensor, Tensor]:
         weights, memory = self.rig.step(joints, memory, seconds)

@@ -105,7 +105,8 @@ def _write(path: Path, content: bytes) -> None:
 def _filled(page: str, characters: Sequence[PageCharacter]) -> str:
     """The page with the choices of its lists."""
     choices = [
-        _option(quote(each.name), each.name.removesuffix(".glb"), _methods(each)) for each in characters
+        _option(quote(character.name), character.name.removesuffix(".glb"), _methods(character))
+        for character in characters
     ]
     fabrics = [
         _option(" ".join(f"{getattr(fabric, each):g}" for each in FABRIC), name)

@@ -44,7 +44,9 @@ class PageCharacter:
     @property
     def files(self) -> dict[str, bytes]:
         """Files by name: the baked one, and those of its methods."""
-        beside = {self.file_of(each): each.content for each in self.methods if each.content is not None}
+        beside = {
+            self.file_of(method): method.content for method in self.methods if method.content is not None
+        }
         return {self.name: self.content, **beside}
 
 
@@ -96,7 +98,7 @@ def open_whole(path: Path, animated: bool = True) -> BakedFile:
 
 
 def _require_same(other: BakedFile, baked: BakedFile) -> None:
-    same = other.skin.names == baked.skin.names and [each.size for each in other.garments] == [
+    same = other.skin.names == baked.skin.names and [garment.size for garment in other.garments] == [
         each.size for each in baked.garments
     ]
     if not same:

@@ -49,7 +49,7 @@ def compared_character(command: Page, path: Path) -> PageCharacter:
     if abs(clip.fps - FPS) > 1e-3:
         raise InputError(f"{path}: has {clip.fps:g} frames per second, a page compares at {FPS:g}")
     models = _models(command, path, clip, garment)
-    predicted = _predicted(command.predicted, clip, garment, [each.name for each in models])
+    predicted = _predicted(command.predicted, clip, garment, [model.name for model in models])
     with tempfile.TemporaryDirectory(prefix="uvcloth-page-") as folder:
         files, fast = _animated(command, path, clip, garment, Path(folder))
         for each in (*files, *fast):
@@ -126,7 +126,7 @@ def _predicted(
     for option in options:
         name, _, place = option.partition("=")
         path, label = Path(place), f"--predicted {option}"
-        if name in (*TAKEN, SIMULATION, *taken, *(each.name for each in methods)):
+        if name in (*TAKEN, SIMULATION, *taken, *(method.name for method in methods)):
             raise InputError(f"{label}: another method is called {name!r}")
         if not path.is_file() or path.suffix.lower() not in READERS:
             raise InputError(f"{label}: no such file of {', '.join(READERS)}")
@@ -169,7 +169,7 @@ def _mesh(file: GltfFile, node: int) -> tuple[NDArray[np.float64], NDArray[np.in
     """Positions (M, 3) of a node's mesh in the scene, and faces (F, 3) of all its primitives."""
     primitives = file.entries("meshes")[file.entries("nodes")[node]["mesh"]]["primitives"]
     points = file.array(primitives[0]["attributes"]["POSITION"], "VEC3").astype(np.float64)
-    corners = [file.array(each["indices"], "SCALAR").reshape(-1, 3) for each in primitives]
+    corners = [file.array(primitive["indices"], "SCALAR").reshape(-1, 3) for primitive in primitives]
     return points, np.concatenate(corners).astype(np.int64)
 
 

@@ -131,7 +131,7 @@ class DeePSD(Method, FinishAware, Riggable):
         """Blend shapes (K, 3, U) m of all branches together; None where the config predicts none."""
         if self.config.deformation != "blend_shapes":
             return None
-        shapes = torch.stack([network.shapes(described, packed, each) for each in self.branches]).sum(0)
+        shapes = torch.stack([network.shapes(described, packed, branch) for branch in self.branches]).sum(0)
         return shapes.permute(1, 2, 0).contiguous()
 
     @torch.no_grad()

@@ -81,7 +81,7 @@ def baked_sections(
         **_skin("body", body.mesh.vertices, body.weights, 0.0, rounded),
         **_skin(
             "cages",
-            torch.cat([each.cage.vertices for each in garments]),
+            torch.cat([garment.cage.vertices for garment in garments]),
             torch.cat([each.cage_weights for each in garments]),
             LEAST_WEIGHT,
             rounded,
@@ -123,10 +123,10 @@ def _skin(name: str, rest: Tensor, weights: Tensor, least: float, rounded: bool)
 def _following(garments: Sequence[CagedGarment], rounded: bool) -> dict[str, NDArray[Any]]:
     """Vertices of all cages around each point of all garments, and their weights."""
     corners, weights, counts = [], [], []
-    for each in garments:
-        shares = each.cage.own_weights.numpy()
+    for garment in garments:
+        shares = garment.cage.own_weights.numpy()
         near = shares != 0.0
-        corners.append(each.cage.own_corners.numpy()[near] + each.rows.start)
+        corners.append(garment.cage.own_corners.numpy()[near] + garment.rows.start)
         weights.append(shares[near])
         counts.extend(near.sum(1).tolist())
     return {

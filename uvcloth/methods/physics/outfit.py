@@ -68,7 +68,10 @@ class CagedOutfit:
     def skinned_cages(self, transforms: Tensor) -> Tensor:
         """Smoothly skinned cages (n, 3) m of all garments. transforms: (J, 3, 4)."""
         return torch.cat(
-            [skin(each.cage.vertices, each.cage_weights, transforms[None])[0] for each in self.garments]
+            [
+                skin(garment.cage.vertices, garment.cage_weights, transforms[None])[0]
+                for garment in self.garments
+            ]
         )
 
     def followed(self, transforms: Tensor, cages: NDArray[np.float64]) -> list[Tensor]:
@@ -79,9 +82,9 @@ class CagedOutfit:
         """
         offsets = torch.from_numpy(cages).to(transforms) - self.skinned_cages(transforms)
         return [
-            skin(each.mesh.points, each.weights, transforms[None])[0]
-            + each.cage.at_garment(offsets[each.rows])
-            for each in self.garments
+            skin(garment.mesh.points, garment.weights, transforms[None])[0]
+            + garment.cage.at_garment(offsets[garment.rows])
+            for garment in self.garments
         ]
 
 

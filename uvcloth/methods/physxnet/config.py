@@ -82,7 +82,7 @@ class PhysXNetConfig:
         None where there is no such decoder.
         """
         candidates = (template, LIKE.get(template or ""))
-        return next((each for each in candidates if each in self.templates), None)
+        return next((candidate for candidate in candidates if candidate in self.templates), None)
 
 
 PRESETS: dict[str, PhysXNetConfig] = {

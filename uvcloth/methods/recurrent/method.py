@@ -163,7 +163,7 @@ class Recurrent(Method, Riggable, Swinging):
 
 def _apart(shapes: Sequence[Tensor]) -> Tensor:
     """Shapes (K, N, 3) of each of some garments as those of all their vertices."""
-    counts = [each.shape[1] for each in shapes]
+    counts = [shape.shape[1] for shape in shapes]
     rows = [
         torch.nn.functional.pad(each, (0, 0, sum(counts[:place]), sum(counts[place + 1 :])))
         for place, each in enumerate(shapes)

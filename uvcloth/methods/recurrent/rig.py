@@ -24,7 +24,7 @@ class RecurrentRig(BlendRig):
     @property
     def memory(self) -> int:
         """Numbers that are remembered, those of one network after those of another."""
-        return sum(each.memory for each in self.networks)
+        return sum(network.memory for network in self.networks)
 
     def known(self) -> Tensor:
         """Weights (M, K) of the training in which each was the least or the greatest.
@@ -33,9 +33,9 @@ class RecurrentRig(BlendRig):
         """
         most = max(len(each.network.extremes) for each in self.networks)
         rows = []
-        for each in self.networks:
-            extremes = each.network.extremes
-            spread = torch.lerp(extremes.mean(0), extremes, max(1.0, each.dynamics))
+        for network in self.networks:
+            extremes = network.network.extremes
+            spread = torch.lerp(extremes.mean(0), extremes, max(1.0, network.dynamics))
             rows.append(spread[torch.arange(most) % len(spread)])
         return torch.cat(rows, dim=1)
 
@@ -46,7 +46,7 @@ class RecurrentRig(BlendRig):
         seconds: since the last frame.
         """
         motion = body_motion(joints, self.heads, 1.0 / seconds)
-        sizes = [each.memory for each in self.networks]
+        sizes = [network.memory for network in self.networks]
         steps = [
             each.step(motion, some, seconds / TICK)
             for each, some in zip(self.networks, hidden.split(sizes, dim=1), strict=True)
@@ -59,7 +59,7 @@ class RecurrentRig(BlendRig):
             return transforms.new_zeros(0, len(self.shapes))
         joints = torch.cat([transforms[:1].expand(2, -1, -1, -1), transforms]).unfold(0, 3, 1).movedim(-1, 1)
         first = body_motion(joints[:1], self.heads, fps)
-        hidden = torch.cat([each.at_rest(first) for each in self.networks], dim=1)
+        hidden = torch.cat([network.at_rest(first) for network in self.networks], dim=1)
         played = []
         for frame in joints.split(1):
             weights, hidden = self.step(frame, hidden, 1.0 / fps)
