@@ -17,7 +17,7 @@ from .objective import WrinkleLosses, WrinkleObjective
 
 LOOPS: dict[str, LoopConfig] = {
     "default": LoopConfig(
-        steps=4000, batch=2, learning_rate=5e-3, weight_decay=0.01, average=0.995, validate_every=250
+        steps=4000, batch=2, learning_rate=2e-3, weight_decay=0.01, average=0.995, validate_every=250
     ),
     "gpu": LoopConfig(steps=30_000, batch=32, learning_rate=1e-3, weight_decay=0.01, validate_every=2000),
     "tiny": LoopConfig(steps=4, batch=2, validate_every=2, average=0.9),
