@@ -134,6 +134,14 @@ live.SESSIONS.clear()
 arrays["in_centimetres"] = played(FRAMES)
 scene.unit_settings.scale_length = 1.0
 
+# Other rates are other steps.
+for fps in (24, 60):
+    scene.render.fps = fps
+    arrays[f"at_{fps}"] = played(range(4))
+    moments = live.SESSIONS[armature.session_uid].timeline._moments
+    arrays[f"joints_{fps}"] = np.stack([moment.joints for moment in moments])
+scene.render.fps = 30
+
 # Undo takes back what was done, and cloth goes on.
 bpy.ops.ed.undo_push(message="before")
 armature.location = (5.0, 0.0, 0.0)
@@ -178,6 +186,10 @@ bone.scale = (1.2, 1.0, 1.0)
 scene.frame_set(9)
 said["scaled_bone"] = [bone.name, fault()]
 bone.scale = (1.0, 1.0, 1.0)
+name, bone.name = bone.name, "another"
+scene.frame_set(9)
+said["gone_bone"] = [name, fault()]
+bone.name = name
 said["stayed"] = bool((surface.places(dress) == here).all())
 armature.location, armature.scale, armature.rotation_euler = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 

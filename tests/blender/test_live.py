@@ -68,6 +68,15 @@ def test_it_shows_what_the_runtime_makes_of_these_joints(done: Done, baked: Path
         assert apart(shown, cloth.vertices(0)[done.arrays["source"]]).max() < ROUNDED
 
 
+@pytest.mark.parametrize("fps", [24, 60])
+def test_steps_are_as_long_as_the_frames_of_the_scene(done: Done, baked: Path, fps: int) -> None:
+    cloth = Cloth(Outfit(open_baked(baked).content))
+    cloth.start(done.arrays[f"joints_{fps}"][0])
+    for joints, shown in zip(done.arrays[f"joints_{fps}"], done.arrays[f"at_{fps}"], strict=True):
+        cloth.step(joints, 1.0 / fps)
+        assert apart(shown, cloth.vertices(0)[done.arrays["source"]]).max() < ROUNDED
+
+
 def test_it_is_what_play_writes(done: Done, baked: Path, tmp_path: Path) -> None:
     """But for single precision: joints 1e-8 m off give other folds at a few vertices, 1.4 mm at most."""
     options = MotionOptions(frames="0:10")
@@ -172,6 +181,8 @@ def test_faults_while_it_is_live_leave_the_cloth_where_it_was(done: Done) -> Non
     assert "uneven scale" in done.said["uneven"]
     name, sentence = done.said["scaled_bone"]
     assert f"bone {name} is scaled or stretched" in sentence
+    name, sentence = done.said["gone_bone"]
+    assert f"bone {name} of Armature is gone" in sentence
     assert done.said["stayed"]
     assert "save the .blend first" in done.said["unsaved"]
     sentence, is_live = done.said["gone"]
