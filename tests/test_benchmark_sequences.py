@@ -18,7 +18,7 @@ from uvcloth.motion.index import read_index
 from uvcloth.physics.measures import edge_change
 
 BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
-FOLDER = BENCHMARKS / "simulated"
+FOLDER, REFERENCE = BENCHMARKS / "simulated", BENCHMARKS / "reference"
 TEMPLATES = ("tops", "bottoms", "dress", "shirt", "skirt", "jacket")
 
 
@@ -29,7 +29,7 @@ def read_plan() -> list[dict[str, str]]:
 
 @pytest.fixture(scope="module")
 def sequence() -> SimulatedClip:
-    return load_packed(FOLDER / "26_01_bottoms.npz", PackedFolder(FOLDER))
+    return load_packed(REFERENCE / "26_01_bottoms.npz", PackedFolder(REFERENCE))
 
 
 @pytest.mark.thorough
@@ -68,7 +68,7 @@ def test_real_cloth_is_packed_within_the_error(tmp_path: Path) -> None:
 
 def test_nobody_is_in_two_splits() -> None:
     plan = read_plan()
-    names = {path.stem for path in FOLDER.glob("*.npz")}
+    names = {path.stem for folder in (FOLDER, REFERENCE) for path in folder.glob("*.npz")}
     assert names <= {f"{row['name']}_{row['garments']}" for row in plan}
     index = read_index(FOLDER / "index.csv")
     clips = {name.rpartition("_")[0] for name in names}
@@ -79,6 +79,14 @@ def test_nobody_is_in_two_splits() -> None:
     assert all(splits.values())
     assert sum(map(len, splits.values())) == len(set.union(*splits.values()))
     assert {path.stem for path in (FOLDER / "meshes").glob("*.npz")} == set(TEMPLATES)
+
+
+def test_methods_are_judged_on_windows_that_none_was_trained_on() -> None:
+    index = read_index(REFERENCE / "index.csv")
+    assert {index[path.stem.rpartition("_")[0]].split for path in REFERENCE.glob("*.npz")} == {
+        "validation",
+        "test",
+    }
 
 
 def test_the_bodies_of_the_plan_are_there() -> None:
@@ -104,7 +112,7 @@ def test_made_outfits_lie_beside_them() -> None:
         assert (garment.rest - body.mesh.vertices.mean(0)).norm(dim=1).max() < 1.5
 
 
-@pytest.mark.parametrize("name", ["bodies", "outfits", "simulated"])
+@pytest.mark.parametrize("name", ["bodies", "outfits", "reference", "simulated"])
 def test_every_folder_says_what_it_is_and_lists_the_checksums_of_all_its_files(name: str) -> None:
     folder = BENCHMARKS / name
     page = (folder / "README.md").read_text(encoding="utf-8")
