@@ -130,6 +130,11 @@ def sourced_garments(armature: Any, scene: Any) -> list[tuple[int, Any, NDArray[
 def moment_of(armature: Any, scene: Any, graph: Any) -> tuple[Moment, float]:
     """What moves cloth to the scene's frame, and how often the armature is its size. Raises ValueError."""
     rig, skin = rig_of(armature), session_of(armature, scene).baked.skin
+    if len(rig.bones) != len(skin.nodes):
+        raise ValueError(
+            f"{armature.uvcloth.file} is of another skeleton than {armature.name}: dress or open the "
+            "character again"
+        )
     evaluated = armature.evaluated_get(graph)
     worlds, scale = rig.worlds(np.array(evaluated.matrix_world, np.float64), poses_of(evaluated, rig.bones))
     turn = skin.axes[:3, :3] @ TO_Z_UP[:3, :3].T

@@ -30,6 +30,8 @@ def wearer_of(context: Any) -> tuple[Any, list[Any]]:
     entries = [entry for entry in armature.uvcloth.garments if entry.part is not None]
     if not entries:
         raise ValueError(f"select the garment meshes too, beside {armature.name}")
+    if not armature.visible_get():
+        raise ValueError(f"{armature.name} is hidden: show it")
     for entry in entries:
         if entry.part.name not in context.view_layer.objects:
             raise ValueError(f"{entry.part.name}, a garment of {armature.name}, is not in this view layer")

@@ -174,8 +174,9 @@ def write_garment(garment: Any, armature: Any, path: Path) -> None:
     if places is not None:
         coordinates, place_of = places
         lines += ["vt {:.6f} {:.6f}".format(*place) for place in coordinates]
+    way = -1 if np.linalg.det(whole[:3, :3]) < 0.0 else 1  # A mirror turns faces inside out.
     for face in mesh.polygons:
-        corners = zip(face.vertices, face.loop_indices, strict=True)
+        corners = list(zip(face.vertices, face.loop_indices, strict=True))[::way]
         words = (
             f"{vertex + 1}/{place_of[loop] + 1}" if places else f"{vertex + 1}" for vertex, loop in corners
         )

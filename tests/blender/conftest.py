@@ -108,10 +108,19 @@ def _write_wheel(folder: Path) -> None:
 
 
 def _write_bad_files(baked: Path, folder: Path) -> None:
-    """Write files that cannot be opened."""
+    """Write files that cannot be opened, and one without a motion."""
 
     def without_cloth(document: dict[str, Any]) -> None:
         del document["extensions"]
+
+    def still(document: dict[str, Any]) -> None:
+        del document["animations"]
+
+    def frameless(document: dict[str, Any]) -> None:
+        document["animations"] = [{"channels": [], "samplers": []}]
+
+    def older(document: dict[str, Any]) -> None:
+        document["extensions"][EXTENSION]["version"] = 0
 
     def newer(document: dict[str, Any]) -> None:
         document["extensions"][EXTENSION]["version"] = 2
@@ -125,5 +134,6 @@ def _write_bad_files(baked: Path, folder: Path) -> None:
 
     content = baked.read_bytes()
     (folder / "bad_cut.glb").write_bytes(content[:20_000])
-    for change in (without_cloth, newer, nameless, misplaced):
+    (folder / "still.glb").write_bytes(edited(content, still))
+    for change in (without_cloth, older, newer, frameless, nameless, misplaced):
         (folder / f"bad_{change.__name__}.glb").write_bytes(edited(content, change))

@@ -1,6 +1,7 @@
 """Run by a Python that has bpy: dress_in_blender.py EXTENSION.zip BAKED.glb SKIRT.obj TOPS.obj PYTHON FOLDER
 
-Dresses a character in an artist's own meshes, on an armature that is somewhere else, twice its size.
+Dresses a character in an artist's own meshes, on an armature with names of its own that is somewhere else, a
+hundred times its size; the skirt's object is mirrored and stretched.
 """
 
 import json
@@ -15,6 +16,7 @@ from mathutils import Quaternion
 from mathutils.bvhtree import BVHTree
 
 EXTENSION, BAKED, SKIRT, TOPS, PYTHON, FOLDER = (Path(each) for each in sys.argv[1:])
+SKIRT_SCALE = (-1.0, 1.25, 1.0)
 said: dict[str, object] = {"refused": [], "reports": []}
 arrays: dict[str, np.ndarray] = {}
 
@@ -52,6 +54,16 @@ def distances(garment, body) -> np.ndarray:
     drawn, back = garment.evaluated_get(graph), body.evaluated_get(graph).matrix_world.inverted()
     place = back @ drawn.matrix_world
     return np.array([tree.find_nearest(place @ vertex.co)[3] for vertex in drawn.to_mesh().vertices])
+
+
+def refused_at(part, scale: tuple[float, float, float]) -> None:
+    """Note what dressing says while an object has another scale."""
+    kept = tuple(part.scale)
+    part.scale = scale
+    bpy.context.view_layer.update()
+    refused()
+    part.scale = kept
+    bpy.context.view_layer.update()
 
 
 def scene_now() -> list[object]:
@@ -109,6 +121,9 @@ scene.render.fps = 30
 bpy.ops.import_scene.gltf(filepath=str(BAKED))
 bpy.data.objects.remove(bpy.data.objects["dress"])
 armature, body = bpy.data.objects["Armature"], bpy.data.objects["body"]
+names_of_bones = {bone.name: f"knochen.{number:03}" for number, bone in enumerate(armature.data.bones)}
+for bone in armature.data.bones:
+    bone.name = names_of_bones[bone.name]
 
 
 def brought(path: Path):
@@ -124,7 +139,10 @@ below = skirt.modifiers.new("round", "SUBSURF")
 below.levels = 0
 armature.rotation_mode = "XYZ"
 armature.location, armature.rotation_euler = (2.0, 1.0, 0.0), (0.0, 0.0, 0.5)
-armature.scale = (2.0, 2.0, 2.0)
+armature.scale = (100.0, 100.0, 100.0)
+skirt.data.vertices.foreach_set("co", (vertices(skirt) / SKIRT_SCALE).astype(np.float32).ravel())
+skirt.data.flip_normals()
+skirt.scale = SKIRT_SCALE
 bpy.context.view_layer.update()
 
 bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "scene.blend"))
@@ -136,15 +154,29 @@ preferences.python = str(FOLDER / "nowhere")
 refused()  # None that runs.
 preferences.python = sys.executable
 refused()  # One without uvcloth.
+for name, line in (
+    ("other", """echo '{"uvcloth": "9.0", "protocol": 9}'; cat > /dev/null"""),
+    ("older", """echo "argument: invalid choice: 'serve'" >&2; exit 2"""),
+):
+    (FOLDER / name).write_text(f"#!/bin/sh\n{line}\n", encoding="utf-8")
+    (FOLDER / name).chmod(0o755)
+    preferences.python = str(FOLDER / name)
+    refused()
 preferences.python = str(PYTHON)
 body.hide_set(True)
 refused()  # No skin.
 body.hide_set(False)
-armature.scale = (-2.0, 2.0, 2.0)
-bpy.context.view_layer.update()
+refused_at(armature, (-2.0, 2.0, 2.0))
+refused_at(armature, (2.0, 3.0, 2.0))
+refused_at(skirt, (0.0, 1.0, 1.0))
+armature.hide_set(True)
 refused()
-armature.scale = (2.0, 2.0, 2.0)
-bpy.context.view_layer.update()
+armature.hide_set(False)
+elsewhere = bpy.data.collections.new("elsewhere")
+elsewhere.objects.link(skirt)
+scene.collection.objects.unlink(skirt)
+refused()  # In a collection that is not in the scene.
+scene.collection.children.link(elsewhere)
 settings = armature.uvcloth
 pinned = skirt.vertex_groups.new(name="pinned")
 settings.garments[0].pins = "pinned"
@@ -202,10 +234,16 @@ waist.add(np.flatnonzero(made[:, 2] > made[:, 2].max() - 0.03).tolist(), 1.0, "R
 settings.garments[0].pins = "waist"
 skins = sending.skin_meshes(bpy.context, armature)
 for bone in ("LeftArm", "Spine"):
-    arrays[f"near_{bone}"] = vertices(tops)[sending.near_bone(tops, armature, skins, bone)]
+    near = sending.near_bone(tops, armature, skins, names_of_bones[bone])
+    arrays[f"near_{bone}"] = vertices(tops)[near]
 armature.pose.bones[0].location = armature.pose.bones[0].location  # Posed, not at rest, while it is sent.
 said["names"] = sending.plain_names(["a 2", "a", "a", "A 3", "."])
+skirt.hide_viewport = elsewhere.hide_viewport = True
+armature.location.x += 50.0
+bpy.context.view_layer.update()
 said["dressed"] = driven(dressing.Dress, ["MOUSEMOVE"])
+skirt.hide_viewport = elsewhere.hide_viewport = False
+bpy.context.view_layer.update()
 said["rows"] = [[entry.part.name, entry.row] for entry in settings.garments]
 said["modifiers"] = [modifier.type for modifier in skirt.modifiers]
 said["file"] = armature.uvcloth.file
@@ -223,7 +261,7 @@ played = [np.array(live.surface.places(part)) for part in (skirt, tops)]
 graph = bpy.context.evaluated_depsgraph_get
 posing.step(armature, scene, graph())
 said["stands"] = posing.step(armature, scene, graph())
-arm = next(bone for bone in armature.pose.bones if bone.name.lower().startswith("leftarm"))
+arm = armature.pose.bones[names_of_bones["LeftArm"]]
 arm.rotation_quaternion = arm.rotation_quaternion @ Quaternion((1.0, 0.0, 0.0), 0.5)
 bpy.context.view_layer.update()
 steps = 0

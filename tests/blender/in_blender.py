@@ -190,6 +190,13 @@ name, bone.name = bone.name, "another"
 scene.frame_set(9)
 said["gone_bone"] = [name, fault()]
 bone.name = name
+joint = armature.uvcloth.bones[-1]
+kept = joint.bone, joint.to_node[:]
+armature.uvcloth.bones.remove(len(armature.uvcloth.bones) - 1)  # As after a bake of another skeleton.
+scene.frame_set(9)
+said["other_skeleton"] = fault()
+joint = armature.uvcloth.bones.add()
+joint.bone, joint.to_node = kept
 said["stayed"] = bool((surface.places(dress) == here).all())
 armature.location, armature.scale, armature.rotation_euler = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
@@ -234,6 +241,16 @@ if resource is not None:
     said["cache_full"] = driven_cache([])
     resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
+# A cache of one frame: Blender has no scene with less.
+scene.frame_start, scene.frame_end = 5, 0
+said["fewest_frames"] = [scene.frame_start, scene.frame_end]
+scene.frame_start = scene.frame_end = 5
+bpy.ops.uvcloth.cache()
+arrays["one_cached"] = played([5])
+bpy.ops.uvcloth.drop_cache()
+scene.frame_start, scene.frame_end, armature.uvcloth.live = FRAMES[0], FRAMES[-1], True
+played(FRAMES)
+
 # A cache plays it without the runtime.
 bpy.ops.uvcloth.cache()
 said["live"] = armature.uvcloth.live
@@ -249,6 +266,14 @@ said["dropped_modifiers"] = [modifier.type for modifier in dress.modifiers]
 armature.uvcloth.file = str(FOLDER / "missing.glb")
 armature.uvcloth.live = True
 said["gone"] = [fault(), armature.uvcloth.live]
+
+# A file without a motion leaves the scene its frames.
+frames = [scene.render.fps, scene.frame_start, scene.frame_end]
+known = set(live.characters())
+said["still"] = sentence(FOLDER / "still.glb")
+said["still_frames"] = [frames, [scene.render.fps, scene.frame_start, scene.frame_end]]
+(still,) = set(live.characters()) - known
+said["still_live"] = [still.uvcloth.live, live.FAULTS.get(still.session_uid, "")]
 
 np.savez(FOLDER / "arrays.npz", **arrays)
 (FOLDER / "said.json").write_text(json.dumps(said), encoding="utf-8")

@@ -38,6 +38,7 @@ def dressed(
 
 
 def test_the_mesh_itself_is_live_below_armature_and_above_the_rest(dressed: Done) -> None:
+    """Though it is hidden, in a hidden collection, and was so before the armature moved on."""
     assert dressed.said["dressed"] == ["RUNNING_MODAL", "FINISHED", [], ["timer", None]]
     assert dressed.said["modifiers"] == ["NODES", "SUBSURF"]
     assert dressed.said["file"] == "//uvcloth_baked/scene-Armature.glb"
@@ -53,7 +54,7 @@ def test_garments_are_worn_in_the_order_of_the_list_and_of_tucks(dressed: Done) 
 @pytest.mark.parametrize("garment", ["skirt", "tops"])
 @pytest.mark.parametrize("frame", ["first", "last"])
 def test_the_garments_are_on_the_body(dressed: Done, garment: str, frame: str) -> None:
-    """In the axes of the body, which is drawn at twice its size."""
+    """In the axes of the body, which is drawn at a hundred times its size."""
     distances = dressed.arrays[f"{garment}_{frame}"]
     assert np.quantile(distances, 0.2) < NEAR + (CLOTH if garment == "skirt" else 0.0)
     assert distances.max() < FAR
@@ -132,8 +133,14 @@ def test_what_cannot_be_dressed_is_refused_in_a_sentence(dressed: Done) -> None:
         "name a Python that has uvcloth",
         "cannot be run",
         "has no uvcloth",
+        "has uvcloth 9.0, which is not for this version of the extension",
+        "is older than this extension",
         "has no visible skin",
         "negative scale",
+        "uneven scale",
+        "skirt.obj: the garment does not lie on the body",
+        "Armature is hidden",
+        "skirt, a garment of Armature, is not in this view layer",
         "vertex group pinned is empty",
         "has no bone Nose any more",
     )

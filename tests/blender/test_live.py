@@ -144,6 +144,19 @@ def test_a_cache_that_is_stopped_or_does_not_fit_leaves_nothing_and_the_cloth_li
     assert (left, is_live) == (0, True)
 
 
+def test_a_cache_of_one_frame_plays_it(done: Done) -> None:
+    first, last = done.said["fewest_frames"]
+    assert first == last
+    assert apart(done.arrays["one_cached"], done.arrays["played"][[5]]).max() < ROUNDED
+
+
+def test_a_file_without_a_motion_is_live_in_the_frames_of_the_scene(done: Done) -> None:
+    assert done.said["still"] == ""
+    before, after = done.said["still_frames"]
+    assert before == after
+    assert done.said["still_live"] == [True, ""]
+
+
 def test_the_cache_is_one_file_of_all_frames(done: Done) -> None:
     (path,) = (done.folder / "uvcloth_cache").iterdir()
     content = path.read_bytes()
@@ -159,7 +172,9 @@ def test_the_cache_is_one_file_of_all_frames(done: Done) -> None:
         ("missing", "cannot be read"),
         ("bad_cut", "not a complete glTF file"),
         ("bad_without_cloth", "has no cloth to play"),
+        ("bad_older", "is of version 0, this program reads version 1"),
         ("bad_newer", "this program reads version 1"),
+        ("bad_frameless", "has no animation"),
         ("bad_nameless", "joints of its cloth have no names"),
         ("bad_misplaced", "has no mesh"),
     ],
@@ -183,6 +198,7 @@ def test_faults_while_it_is_live_leave_the_cloth_where_it_was(done: Done) -> Non
     assert f"bone {name} is scaled or stretched" in sentence
     name, sentence = done.said["gone_bone"]
     assert f"bone {name} of Armature is gone" in sentence
+    assert "baked.glb is of another skeleton than Armature" in done.said["other_skeleton"]
     assert done.said["stayed"]
     assert "save the .blend first" in done.said["unsaved"]
     sentence, is_live = done.said["gone"]

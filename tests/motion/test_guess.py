@@ -11,6 +11,7 @@ from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.guess import find_roles, guess_roles
 
 Y_UP = torch.tensor([[100.0, 0, 0], [0, 0, -100], [0, 100, 0]])
+ASKEW = torch.tensor([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]])
 TURNED = torch.tensor([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 
 
@@ -39,7 +40,7 @@ def with_joints_between(skeleton: Skeleton, bones: tuple[str, ...], crown: float
     return Skeleton((*names, "top"), (*parents, names.index("Head")), torch.stack([*heads, top]))
 
 
-@pytest.mark.parametrize("axes", [torch.eye(3), Y_UP, TURNED, TURNED @ TURNED])
+@pytest.mark.parametrize("axes", [torch.eye(3), Y_UP, TURNED, TURNED @ TURNED, ASKEW, Y_UP @ ASKEW.T])
 def test_our_skeleton_is_recognized_without_its_names(body: Body, axes: torch.Tensor) -> None:
     for pose in (body, t_posed(body)):
         skeleton = pose.skeleton

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from torch import Tensor
+from torch import Tensor, from_numpy
 
 from uvcloth.geometry.roles import assign_roles
 from uvcloth.motion.rest import standing_axis
@@ -119,9 +119,29 @@ def find_roles(
 def guess_roles(parents: Sequence[int], heads: Tensor) -> dict[str, int]:
     """Joint of each role of a skeleton at rest, empty where it does not look like a standing person.
 
-    parents: J indices, -1 for a root, parents before children. heads: (J, 3), any unit and axes.
+    parents: J indices, -1 for a root, parents before children. heads: (J, 3), any unit and axes, turned about
+    one of them at most.
     """
     points = heads.double().numpy()
+    turns = (np.eye(3), *(_square(points, axis) for axis in range(3)))
+    return next((roles for turn in turns if (roles := _guess_along_axes(parents, points @ turn.T))), {})
+
+
+def _square(points: np.ndarray, axis: int) -> np.ndarray:
+    """Rotation (3, 3) about an axis that turns principal directions of points (J, 3) to the other two.
+
+    The lateral direction of what is mirror symmetric is one.
+    """
+    plane = [other for other in range(3) if other != axis]
+    directions = np.linalg.eigh(np.cov(points[:, plane].T))[1]
+    directions[:, 0] *= np.linalg.det(directions)
+    turn = np.eye(3)
+    turn[np.ix_(plane, plane)] = directions.T
+    return turn
+
+
+def _guess_along_axes(parents: Sequence[int], points: np.ndarray) -> dict[str, int]:
+    """Joint of each role of joints (J, 3) that stand along an axis and face along another, empty for none."""
     sideways, plane = _lateral(points)
     if sideways < 0:
         return {}
@@ -138,7 +158,7 @@ def guess_roles(parents: Sequence[int], heads: Tensor) -> dict[str, int]:
         sides = ("left", "right") if np.linalg.det(axes) < 0 else ("right", "left")
         side_of = dict(zip(("near", "far"), sides, strict=True))
         named = {_with_side(role, side_of): joint for role, joint in roles.items()}
-        if standing_axis(heads, named) is not None:
+        if standing_axis(from_numpy(points), named) is not None:
             return named
     return {}
 
