@@ -21,7 +21,7 @@ struct Random {
     }
 };
 
-Turn about(Vec64 axis, double angle) {
+Rotation about(Vec64 axis, double angle) {
     double size = __builtin_sqrt(dot(axis, axis)), c = __builtin_cos(angle), s = __builtin_sin(angle);
     Vec64 a = (1 / size) * axis;
     double d = 1 - c;
@@ -30,7 +30,7 @@ Turn about(Vec64 axis, double angle) {
              {d * a.x * a.z - s * a.y, d * a.y * a.z + s * a.x, c + d * a.z * a.z}}};
 }
 
-Vec64 moved(const Rigid &by, Vec64 p) {
+Vec64 moved(const RigidTransform &by, Vec64 p) {
     const double(&m)[3][3] = by.turn.at;
     return Vec64{m[0][0] * p.x + m[0][1] * p.y + m[0][2] * p.z, m[1][0] * p.x + m[1][1] * p.y + m[1][2] * p.z,
                  m[2][0] * p.x + m[2][1] * p.y + m[2][2] * p.z} +
@@ -38,8 +38,8 @@ Vec64 moved(const Rigid &by, Vec64 p) {
 }
 
 // One after the other.
-Rigid after(const Rigid &second, const Rigid &first) {
-    Rigid both{{}, moved(second, first.shift)};
+RigidTransform after(const RigidTransform &second, const RigidTransform &first) {
+    RigidTransform both{{}, moved(second, first.shift)};
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             for (int k = 0; k < 3; k++)
@@ -47,7 +47,7 @@ Rigid after(const Rigid &second, const Rigid &first) {
     return both;
 }
 
-double apart(const Rigid &a, const Rigid &b) {
+double apart(const RigidTransform &a, const RigidTransform &b) {
     double most = 0;
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
@@ -65,10 +65,10 @@ void expect(bool holds, const char *sentence) {
 }
 
 // Turns the joints, of which each may turn by up to half a turn, one after another along the bones.
-void turn_joints(const Skeleton &skeleton, Random &random, Rigid *transforms) {
+void turn_joints(const Skeleton &skeleton, Random &random, RigidTransform *transforms) {
     for (int joint = 0; joint < JOINTS; joint++) {
         Vec64 head = skeleton.heads[joint], axis{random.next(), random.next(), random.next()};
-        Rigid local{about(axis, PI * random.next()), {}};
+        RigidTransform local{about(axis, PI * random.next()), {}};
         local.shift = head - moved(local, head);
         transforms[joint] = joint ? after(transforms[skeleton.parents[joint]], local) : local;
     }
@@ -84,21 +84,21 @@ int main() {
     int others = 0;
     for (int k = 0; k < POSES; k++) {
         Arena arena;
-        Rigid transforms[JOINTS], ways[2][JOINTS];
+        RigidTransform transforms[JOINTS], ways[2][JOINTS];
         turn_joints(skeleton, random, transforms);
         Pose pose = read_pose(skeleton, transforms, arena);
         way_to(skeleton, pose, 1, ways[0]);
         for (int joint = 0; joint < JOINTS; joint++)
             expect(apart(ways[0][joint], transforms[joint]) < 1e-7, "the way does not end in the pose");
         way_to(skeleton, pose, 0, ways[0]);
-        Rigid rest{pose.heading, {}};
+        RigidTransform rest{pose.heading, {}};
         rest.shift = pose.root - moved(rest, heads[0]);
         for (int joint = 0; joint < JOINTS; joint++)
             expect(apart(ways[0][joint], rest) < 1e-12, "the way does not start at rest");
-        Rigid scene{about({0, 0, 1}, PI * random.next()), {}};
+        RigidTransform scene{about({0, 0, 1}, PI * random.next()), {}};
         scene.shift = {20 * random.next(), 20 * random.next(), random.next()};
         for (int way = 0; way < 2; way++) {
-            Rigid seen[JOINTS];
+            RigidTransform seen[JOINTS];
             for (int joint = 0; joint < JOINTS; joint++)
                 seen[joint] = way ? after(scene, transforms[joint]) : transforms[joint];
             GroundFrame place = ground_frame(seen[0], heads[0]);
