@@ -47,6 +47,23 @@ def test_ziglang_is_installed_only_where_there_is_no_compiler(compiling, monkeyp
     assert backend.get_requires_for_build_editable() == ["other", asked[0]]
 
 
+@pytest.mark.parametrize("name", ["meshes", "outfit", "sections", "skeleton"])
+def test_what_make_sanitize_compiles_fits_the_headers(compiling, name: str) -> None:
+    """The runtime's own tests take minutes to build and run, so that `make test` leaves them out."""
+    compiler = compiling.system_compiler()
+    if not compiler:
+        pytest.skip("needs a C++ compiler")
+    folders = [f"-I{ROOT / 'runtime' / folder}" for folder in ("include", "src")]
+    source = ROOT / "runtime" / "tests" / f"test_{name}.cpp"
+    done = subprocess.run(
+        [*compiler, "-std=c++20", "-fsyntax-only", "-w", *folders, source],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
 def test_what_has_not_changed_is_not_compiled_again(compiling, monkeypatch, tmp_path) -> None:
     shutil.copytree(ROOT / "runtime" / "include", tmp_path / "include")
     (tmp_path / "src").mkdir()
