@@ -32,6 +32,7 @@ CLASSES = (
     fitting.TakeBackFit,
     fitting.Check,
     dressing.Dress,
+    dressing.BakeToFile,
     cache.WriteCache,
     cache.DropCache,
     panel.ClothPanel,

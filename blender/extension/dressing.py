@@ -51,14 +51,7 @@ class Dress(LaboratoryOperator, bpy.types.Operator):
 
     def begin(self, context: Any) -> Errand:
         """Send the garments to be baked."""
-        if not bpy.data.filepath:
-            raise ValueError("save the .blend first: baked files are written beside it")
-        options = (
-            ("--quality", "default", "--wrinkles")
-            if self.quality == WRINKLES
-            else ("--quality", self.quality)
-        )
-        return errands.begin(context, "bake", "baked.glb", "--on-character", *options)
+        return bake(context, self.quality)
 
     def finish(self, context: Any, errand: Errand) -> None:
         """Make the garments live, from what the laboratory wrote; they are not live if this raises."""
@@ -103,10 +96,44 @@ class Dress(LaboratoryOperator, bpy.types.Operator):
             report_to(self, [NO_WRINKLES], warns=True)
 
 
-def path_of(armature: Any) -> Path:
-    """Where the baked file of an armature goes."""
+class BakeToFile(LaboratoryOperator, bpy.types.Operator):
+    """Bake the garments with the motion of the scene's frames, for the web and engines; Esc stops"""
+
+    bl_idname = "uvcloth.bake_to_file"
+    bl_label = "Bake to File"
+
+    quality: bpy.props.EnumProperty(
+        name="Quality",
+        items=QUALITIES,
+        default="default",
+    )
+
+    def begin(self, context: Any) -> Errand:
+        """Send the character with its motion, and the garments."""
+        return bake(context, self.quality, moves=True)
+
+    def finish(self, _context: Any, errand: Errand) -> None:
+        """Write the file beside the .blend; the scene stays as it is."""
+        path = path_of(errand.armature, folder="")
+        write_whole(path, errand.result.read_bytes())
+        report_to(self, [f"{path} holds the character in its clothes, with the scene's motion"], warns=False)
+
+
+def bake(context: Any, quality: str, moves: bool = False) -> Errand:
+    """Send the garments to be baked. moves: with the motion of the scene's frames.
+
+    Raises ValueError in a sentence, and OSError.
+    """
+    if not bpy.data.filepath:
+        raise ValueError("save the .blend first: baked files are written beside it")
+    options = ("--quality", "default", "--wrinkles") if quality == WRINKLES else ("--quality", quality)
+    return errands.begin(context, "bake", "baked.glb", "--on-character", *options, moves=moves)
+
+
+def path_of(armature: Any, folder: str = FOLDER) -> Path:
+    """Where the baked file of an armature goes, in a folder beside the .blend."""
     name = bpy.path.clean_name(f"{Path(bpy.data.filepath).stem}-{armature.name}")
-    return Path(bpy.path.abspath(f"//{FOLDER}")) / f"{name}.glb"
+    return Path(bpy.path.abspath(f"//{folder}")) / f"{name}.glb"
 
 
 def write_whole(path: Path, content: bytes) -> None:

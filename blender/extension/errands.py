@@ -33,16 +33,17 @@ class Errand:
     result: Path
 
 
-def begin(context: Any, command: str, result: str, *options: str) -> Errand:
+def begin(context: Any, command: str, result: str, *options: str, moves: bool = False) -> Errand:
     """Send the character that is meant, and its garments, to a command of the laboratory.
 
-    result: name of the file that it writes. Raises ValueError in a sentence, and OSError.
+    result: name of the file that it writes. moves: with the character's motion in the scene's frames. Raises
+    ValueError in a sentence, and OSError.
     """
     armature, entries = wearer_of(context)
     laboratory = laboratory_of(python_of(context))
     path = laboratory.folder / result
     path.unlink(missing_ok=True)
-    names, words = sending.send(context, armature, entries, laboratory.folder)
+    names, words = sending.send(context, armature, entries, laboratory.folder, moves)
     laboratory.begin([command, *words, *options, "--out", path])
     garments = [entry.part for entry in entries]
     place = np.array(armature.matrix_world, np.float64)

@@ -37,6 +37,7 @@ class ClothPanel(bpy.types.Panel):
             row.operator("uvcloth.fit", icon="MOD_SHRINKWRAP")
             row.operator("uvcloth.check", icon="VIEWZOOM")
         column.operator_menu_enum("uvcloth.dress", "quality", icon="MATCLOTH")
+        column.operator_menu_enum("uvcloth.bake_to_file", "quality", icon="EXPORT")
         if armature is None:
             layout.label(text="No character with clothes is active")
         elif armature.uvcloth.file:

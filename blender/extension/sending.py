@@ -22,16 +22,16 @@ PINNED = 0.5
 
 
 def send(
-    context: Any, armature: Any, entries: Sequence[Any], folder: Path
+    context: Any, armature: Any, entries: Sequence[Any], folder: Path, moves: bool = False
 ) -> tuple[list[str], list[str | Path]]:
     """Write a character and the garments of its entries into a folder.
 
-    Returns names of the garments in the laboratory, and the options that name the files and say how they are
-    worn. Raises ValueError in a sentence, and OSError.
+    moves: with the motion of the scene's frames. Returns names of the garments in the laboratory, and the
+    options that name the files and say how they are worn. Raises ValueError in a sentence, and OSError.
     """
     garments = [entry.part for entry in entries]
     skins = skin_meshes(context, armature)
-    write_character(context, armature, skins, folder / "character.glb")
+    write_character(context, armature, skins, folder / "character.glb", moves)
     names = plain_names([garment.name for garment in garments])
     words: list[str | Path] = ["--body", folder / "character.glb", "--garment"]
     for garment, name in zip(garments, names, strict=True):
@@ -136,10 +136,13 @@ def _is_skinned(part: Any, armature: Any) -> bool:
     )
 
 
-def write_character(context: Any, armature: Any, skins: Sequence[Any], path: Path) -> None:
+def write_character(
+    context: Any, armature: Any, skins: Sequence[Any], path: Path, moves: bool = False
+) -> None:
     """Write an armature at rest and its skin meshes as .glb, by Blender's exporter.
 
-    The selection stays. Raises ValueError if that fails.
+    moves: with their motion in the scene's frames, constraints and drivers included. The selection stays.
+    Raises ValueError if that fails.
     """
     active, selected = context.view_layer.objects.active, list(context.selected_objects)
     for part in selected:
@@ -151,7 +154,10 @@ def write_character(context: Any, armature: Any, skins: Sequence[Any], path: Pat
             filepath=str(path),
             export_format="GLB",
             use_selection=True,
-            export_animations=False,
+            export_animations=moves,
+            export_animation_mode="SCENE",
+            export_force_sampling=True,
+            export_frame_range=True,
             export_morph=False,
             export_rest_position_armature=True,
         )

@@ -283,6 +283,13 @@ said["taken_off"] = [
     settings.live,
 ]
 
+# To a file, with the motion of some frames.
+select(armature)
+scene.frame_start, scene.frame_end = 3, 12
+before = scene_now()
+said["to_file"] = driven(dressing.BakeToFile, [], quality="fast")
+said["to_file_left"] = [before, scene_now()]
+
 # With wrinkles, a T-shirt of a template is shown by a finer copy, below the same modifiers.
 tops.data.materials.append(bpy.data.materials.new("red"))
 tops.modifiers.new("round", "SUBSURF").levels = 0

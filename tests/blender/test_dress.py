@@ -10,6 +10,7 @@ import pytest
 from tests.blender.conftest import Done, run_in_blender
 from uvcloth.bodies.body import Body
 from uvcloth.garments.templates import fit_template
+from uvcloth.player.baked import open_baked
 from uvcloth.writers.obj import save_obj
 
 ROOT = Path(__file__).parents[2]
@@ -69,6 +70,20 @@ def test_a_bone_pins_the_cloth_on_its_skin(dressed: Done) -> None:
     assert min(len(sleeve), len(trunk)) > 100
     assert sleeve.min() > 0.1
     assert np.abs(trunk).max() < 0.25
+
+
+def test_a_file_for_engines_has_the_motion_of_the_scene(dressed: Done) -> None:
+    begun, ended, (report,), _ = dressed.said["to_file"]
+    assert (begun, ended) == ("RUNNING_MODAL", "FINISHED")
+    path = dressed.folder / "scene-Armature.glb"
+    assert str(path) in report
+    before, after = dressed.said["to_file_left"]
+    assert before == after
+    baked = open_baked(path)
+    assert [garment.name for garment in baked.garments] == ["tops"]
+    motion = baked.motion()
+    assert motion.times[-1] - motion.times[0] == pytest.approx(9 / 30, abs=1e-3)
+    assert np.ptp(motion.transforms, axis=0).max() > 0.01
 
 
 def test_a_fit_is_shown_taken_back_or_accepted(dressed: Done) -> None:
