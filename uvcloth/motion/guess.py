@@ -133,7 +133,8 @@ def _square(points: np.ndarray, axis: int) -> np.ndarray:
     The lateral direction of what is mirror symmetric is one.
     """
     plane = [other for other in range(3) if other != axis]
-    directions = np.linalg.eigh(np.cov(points[:, plane].T))[1]
+    spread = points[:, plane] - points[:, plane].mean(0)
+    directions = np.linalg.eigh(spread.T @ spread)[1]
     directions[:, 0] *= np.linalg.det(directions)
     turn = np.eye(3)
     turn[np.ix_(plane, plane)] = directions.T
