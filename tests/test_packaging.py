@@ -38,7 +38,8 @@ def source(tmp_path_factory) -> Path:
     for name in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "NOTICE"):
         shutil.copy(ROOT / name, source / name)
     # Objects that are of the same sources by their names are not compiled again.
-    shutil.copytree(ROOT / OBJECTS, source / OBJECTS)
+    if (ROOT / OBJECTS).exists():
+        shutil.copytree(ROOT / OBJECTS, source / OBJECTS)
     return source
 
 
