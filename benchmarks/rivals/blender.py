@@ -12,14 +12,11 @@ processor time of Blender without its start, which is timed for one frame.
 import resource
 import sys
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Literal
 
-import numpy as np
 import torch
 import tyro
 
-from benchmarks.rivals.sequences import sequences
+from benchmarks.rivals.sequences import RivalRun, sequences
 from uvcloth.bodies.body import load_body
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.files.atomic import make_folder
@@ -35,19 +32,9 @@ from uvcloth.simulation.run import make_scene
 
 
 @dataclass(frozen=True)
-class BlenderCloth:
+class BlenderCloth(RivalRun):
     """Simulate windows with Blender's cloth."""
 
-    data: tyro.conf.Positional[Path]
-    """Folder of sequences, whose motion and garments are used."""
-    out: tyro.conf.Positional[Path]
-    """Folder for CLIP_GARMENT.npz."""
-    garments: tuple[str, ...] = ("tops", "bottoms", "dress")
-    """Garments to simulate."""
-    split: Literal["train", "validation", "test"] = "validation"
-    """Clips to simulate, by the index of the data folder."""
-    quality: Literal["fast", "default", "fine", "mesh"] = "default"
-    """Cage, or the garment's own mesh."""
     steps: int = 4
     """Steps a frame, a power of two; Blender's own default is 5."""
     collision_steps: int = 1
@@ -87,13 +74,7 @@ class BlenderCloth:
                 offsets = moved - solved.skinned
                 vertices = scene.skinned + (cage.at_garment(offsets) if cage else offsets)
                 ms = 1000.0 * (seconds - start) / (len(moved) - 1)
-                np.savez_compressed(
-                    self.out / path.name,
-                    vertices=cloth.whole(vertices, skinned).numpy(),
-                    fps=clip.fps,
-                    ms_per_frame=ms,
-                )
-                print(f"{path.stem}: {moved.shape[1]} vertices, {ms:.1f} ms a frame", flush=True)
+                self.write(path.name, cloth.whole(vertices, skinned), clip.fps, ms, moved.shape[1])
 
 
 def simulated(blender: Blender, scene: Scene) -> tuple[torch.Tensor, float]:

@@ -14,11 +14,11 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
@@ -29,10 +29,11 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from benchmarks.rivals.sequences import sequences
+from benchmarks.rivals.sequences import RivalRun, sequences
 from uvcloth.bodies.body import REGIONS, Body, load_body
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.clip_file import load_simulated
+from uvcloth.files.atomic import make_folder
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.cage import QUALITIES, make_cage
 from uvcloth.garments.garment import Garment
@@ -81,21 +82,11 @@ SLAB, OVERLAP, SUPPORTS = 0.2, 0.02, 48
 
 
 @dataclass(frozen=True)
-class Jolt:
+class Jolt(RivalRun):
     """Simulate windows with Jolt Physics."""
 
-    data: tyro.conf.Positional[Path]
-    """Folder of sequences, whose motion and garments are used."""
-    out: tyro.conf.Positional[Path]
-    """Folder for CLIP_GARMENT.npz."""
-    jolt: Path
+    jolt: Path = field(kw_only=True)
     """Folder in which `npm install jolt-physics` ran."""
-    garments: tuple[str, ...] = ("tops", "bottoms", "dress")
-    """Garments to simulate."""
-    split: Literal["train", "validation", "test"] = "validation"
-    """Clips to simulate, by the index of the data folder."""
-    quality: Literal["fast", "default", "fine", "mesh"] = "default"
-    """Cage, or the garment's own mesh."""
     tune: int = 0
     """Number of settings to try instead of simulating once."""
     clips: int = 0
@@ -105,6 +96,8 @@ class Jolt:
         """Simulate, or tune. Raises InputError for a damaged sequence."""
         torch.set_grad_enabled(False)
         body = load_body()
+        if not self.tune:
+            make_folder(self.out)
         for name in self.garments:
             garment = load_garment(name, body)
             cloth = make_rival(garment, body, self.quality)
@@ -113,18 +106,9 @@ class Jolt:
                 self._tune(cloth, name, [load_simulated(path) for path in paths])
                 continue
             for path in paths:
-                vertices, ms = self._simulate(cloth, load_simulated(path), SETTINGS[name])
-                self.out.mkdir(parents=True, exist_ok=True)
-                np.savez_compressed(
-                    self.out / path.name,
-                    vertices=vertices.numpy(),
-                    fps=load_simulated(path).fps,
-                    ms_per_frame=ms,
-                )
-                print(
-                    f"{path.stem}: {len(cloth.rest)} vertices, {ms:.1f} ms of processor time a frame",
-                    flush=True,
-                )
+                clip = load_simulated(path)
+                vertices, ms = self._simulate(cloth, clip, SETTINGS[name])
+                self.write(path.name, vertices, clip.fps, ms, len(cloth.rest))
 
     def _sequences(self, garment: str) -> list[Path]:
         """The sequences of a garment in the split."""

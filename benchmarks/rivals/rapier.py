@@ -13,8 +13,6 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import rapier3d
@@ -24,7 +22,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from benchmarks.rivals.jolt import Rival, make_rival
-from benchmarks.rivals.sequences import sequences
+from benchmarks.rivals.sequences import RivalRun, sequences
 from uvcloth.bodies.body import REGIONS, Body, load_body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.dataset.clip_file import load_simulated
@@ -44,19 +42,9 @@ RADIUS, FRICTION, NEAR = 0.002, 0.0, 0.005
 
 
 @dataclass(frozen=True)
-class Rapier:
+class Rapier(RivalRun):
     """Simulate windows with Rapier."""
 
-    data: tyro.conf.Positional[Path]
-    """Folder of sequences, whose motion and garments are used."""
-    out: tyro.conf.Positional[Path]
-    """Folder for CLIP_GARMENT.npz."""
-    garments: tuple[str, ...] = ("tops", "bottoms", "dress")
-    """Garments to simulate."""
-    split: Literal["train", "validation", "test"] = "validation"
-    """Clips to simulate, by the index of the data folder."""
-    quality: Literal["fast", "default", "fine", "mesh"] = "default"
-    """Cage, or the garment's own mesh."""
     rate: int = 60
     """Least steps a second."""
     substeps: int = 4
@@ -81,12 +69,8 @@ class Rapier:
                 frames = list(self._frames(rival, skinned.numpy(), posed.numpy(), faces, clip.fps))
                 ms = 1000.0 * (time.process_time() - began) / len(frames)
                 offsets = torch.from_numpy(np.stack([skinned[0].numpy(), *frames])) - skinned
-                vertices = rival.carried(offsets, clip.transforms).numpy()
-                np.savez_compressed(self.out / path.name, vertices=vertices, fps=clip.fps, ms_per_frame=ms)
-                print(
-                    f"{path.stem}: {len(rival.rest)} vertices, {ms:.1f} ms of processor time a frame",
-                    flush=True,
-                )
+                vertices = rival.carried(offsets, clip.transforms)
+                self.write(path.name, vertices, clip.fps, ms, len(rival.rest))
 
     def _frames(
         self,
