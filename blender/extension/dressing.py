@@ -16,16 +16,21 @@ from .rig import match_bones
 WRINKLES = "wrinkles"
 """Quality of which garments with a network have wrinkles: that of the cages of `default`."""
 
-QUALITIES = [
-    ("fast", "Fast", ""),
-    ("default", "Default", ""),
-    (
-        WRINKLES,
-        "Default, with Wrinkles",
-        "T-shirts and shirts with the texture coordinates of uvcloth's own get finer copies with small folds",
-    ),
-    ("fine", "Fine", ""),
-]
+QUALITY = bpy.props.EnumProperty(
+    name="Quality",
+    items=[
+        ("fast", "Fast", ""),
+        ("default", "Default", ""),
+        (
+            WRINKLES,
+            "Default, with Wrinkles",
+            "T-shirts and shirts with the texture coordinates of uvcloth's own get finer copies with "
+            "small folds",
+        ),
+        ("fine", "Fine", ""),
+    ],
+    default="default",
+)
 
 NO_WRINKLES = (
     "no garment has wrinkles: they are for T-shirts and shirts in jersey with the texture coordinates of "
@@ -43,11 +48,7 @@ class Dress(LaboratoryOperator, bpy.types.Operator):
     bl_label = "Dress"
     bl_options = {"UNDO"}  # noqa: RUF012
 
-    quality: bpy.props.EnumProperty(
-        name="Quality",
-        items=QUALITIES,
-        default="default",
-    )
+    quality: QUALITY
 
     def begin(self, context: Any) -> Errand:
         """Send the garments to be baked."""
@@ -102,11 +103,7 @@ class BakeToFile(LaboratoryOperator, bpy.types.Operator):
     bl_idname = "uvcloth.bake_to_file"
     bl_label = "Bake to File"
 
-    quality: bpy.props.EnumProperty(
-        name="Quality",
-        items=QUALITIES,
-        default="default",
-    )
+    quality: QUALITY
 
     def begin(self, context: Any) -> Errand:
         """Send the character with its motion, and the garments."""
